@@ -129,6 +129,16 @@ def test_an_uncertain_gravity_torque_is_no_nonlinearity():
     assert abs(unsure.result.parameters[ANGLE[1]].value) < 3e-5
 
 
+def test_an_uncertain_clock_is_no_nonlinearity():
+    # the clock is fast by 0.1 %, which is a gravity torque that is off by 0.2 %
+    logs = [wheel_log(exact_rig(), motion, friction, TIME) for motion in (TWO_TONES, SLOW, ONE_TONE)]
+    logs = [replace(log, time=1.001 * log.time) for log in logs]
+    sure = calibrate_encoders(logs, exact_rig(**{"log.clock": 0}))
+    unsure = calibrate_encoders(logs, exact_rig(**{"log.clock": {"value": 0.0, "std": 1e-3}}))
+    assert abs(sure.result.parameters[ANGLE[1]].value) > 5e-5
+    assert abs(unsure.result.parameters[ANGLE[1]].value) < 5e-6
+
+
 def test_another_body_is_noticed():
     logs = [wheel_log(exact_rig(), motion, friction, TIME) for motion in (TWO_TONES, SLOW)]
     heavier = replace(logs[1], wheel_angle=1.02 * logs[1].wheel_angle)

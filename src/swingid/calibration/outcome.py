@@ -48,7 +48,7 @@ class Found:
         table: Table = {name: {name: 1.0} for name in known}
         for name, row in (*mine.correlation.items(), *theirs.correlation.items()):
             table[name] |= row
-        shifts = {name: _shifts(budget, name) for name in known}
+        shifts = {name: shifts_of(budget, name) for name in known}
         for one in known.keys() & mine.parameters.keys():
             for two in known.keys() & theirs.parameters.keys():
                 shared = sum(u * shifts[two].get(key, 0.0) for key, u in shifts[one].items())
@@ -58,7 +58,7 @@ class Found:
         return Found(self.name, Evaluated(parameters, budget, table), warnings, notes)
 
 
-def _shifts(budget: Sequence[BudgetEntry], parameter: str) -> dict[str, float]:
+def shifts_of(budget: Sequence[BudgetEntry], parameter: str) -> dict[str, float]:
     """Change of a parameter for one standard uncertainty of each stated quantity (JCGM 100 5.2)."""
     return {
         e.shared_id: math.copysign(e.standard_uncertainty, e.sensitivity)

@@ -2,64 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from swingid.balance.choice import choose
-from swingid.balance.errors import channel_errors, constant_error
-from swingid.balance.fits import WindowFit, columns_of, known_side, sensor_variance
-from swingid.balance.perturbations import BENDS, Perturbation, Shape, of_constants
-from swingid.balance.rows import Rows, Signals, rows_of
+from swingid.balance.errors import errors_of, shaped_errors
+from swingid.balance.fits import WindowFit, fit_rows, sensor_variance
+from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
-from swingid.calibration.encoders.parts import ANGLE, WHEEL, bounded, latency_key
+from swingid.calibration.encoders.parts import ZERO, bounded, part_key
 from swingid.checks.answer import check_sign
-from swingid.model.equation import CLOCK
-from swingid.model.parameters import AXIS_TILT
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.test_functions import project
-from swingid.preparation.encoders import Channel, Encoders, straightened
+from swingid.preparation.encoders import Encoders, straightened
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Prepared
 from swingid.preparation.scale import equation_of, refuse_rates, require_channels
 from swingid.recording.recording import Recording
 
-OF_GRAVITY = (AXIS_TILT, CLOCK)
-"""Deviations that act as an error of the gravity torque does, and that its stated uncertainty is taken to contain."""
-
 
 @dataclass(frozen=True)
 class LogRows:
     """The regression of one log, linear about the encoders as corrected so far.
 
-    own: names of the unknowns of this log alone (friction); common: inertia and, where unknown, the gravity torque.
-    columns (rows, common + own); parts: regressors of the encoders' parts by key; constants: those of uncertain
-    constants of the rig, per standard deviation. grid (8, rows): errors of the rows for eight phases of the encoder's
-    grid, the same in every log, because the grid is fixed to the encoder. balance, values (of the coefficients), noise:
-    those from which the rows were computed.
+    fit: the rows, and the log's own fit of inertia, gravity where unknown, and friction. declared: effects on the rows
+    of the encoders' parts and of all else that the rig declares, by key, each of one (prior) standard deviation. grid
+    (8, rows): errors of the rows for eight phases of the encoder's grid, the same in every log, because the grid is
+    fixed to the encoder. values: of the coefficients, from which the effects were computed.
     """
 
-    common: tuple[str, ...]
-    own: tuple[str, ...]
-    columns: Array
-    target: Array
-    parts: dict[str, Array]
-    constants: dict[str, Array]
+    fit: WindowFit
+    declared: dict[str, Array]
     grid: Array
-    balance: Rows
     values: dict[str, float]
-    noise: Noise
 
-    def sensor_noise(self, influence: Array, *, grid: bool = False) -> tuple[float, float]:
-        """Variance of an unknown by white noise of the sensors, and what Newey and West's sum makes of that noise.
+    @property
+    def own(self) -> int:
+        """Number of the unknowns of this log alone, the last ones: its friction."""
+        return len(self.fit.friction)
 
-        grid: of the rounding errors of the angle's encoder instead, if they were white.
+    def sensor_noise(self, influence: Array, *, grid: bool = False) -> tuple[Array, Array]:
+        """Variances of unknowns (p,) by white noise of the sensors, and what Newey and West's sum makes of that noise.
+
+        influence (p, rows); grid: of the rounding errors of the angle's encoder instead, if they were white.
         """
-        noise = replace(self.noise, angle=self.noise.resolution / np.sqrt(12), wheel=0.0) if grid else self.noise
-        return sensor_variance(self.balance, influence, self.values, noise)
+        fit, noise = self.fit, self.fit.noise
+        noise = replace(noise, angle=noise.resolution / np.sqrt(12), wheel=0.0) if grid else noise
+        return sensor_variance(fit.rows, influence, self.values, noise)
 
 
 @dataclass(frozen=True)
@@ -101,59 +92,25 @@ class CalibrationLog:
         same = len(self.late) == len(motion.turning_times)
         return signals.earlier(self.late) if same else signals
 
-    def rows(self, signals: Signals, rig: Rig, a11: float, b: float, stretch: float = 1.0) -> LogRows:
-        """The regression on windows of `stretch` times the chosen length; a11, b as estimated so far."""
-        equation, signals = equation_of(rig), signals.suited(stretch * self.first.half)
+    def rows(self, signals: Signals, rig: Rig, a11: float, b: float, stretch: float = 1.0) -> LogRows | None:
+        """The regression on windows of `stretch` times the chosen length; a11, b as estimated so far.
+
+        None where there are too few of them.
+        """
+        signals = signals.suited(stretch * self.first.half)
         rows = rows_of(signals, law_windows(signals, stretch * self.first.half))
-        friction = self.first.friction
-        names, columns = columns_of(rows, equation, friction)
-        common = names[: len(names) - len(friction)]
-        values = equation.stated | {"inertia": a11, "gravity_torque": b}
-        constants = [one for one in of_constants(equation) if one.std > 0 and one.source not in OF_GRAVITY]
-        return LogRows(
-            common=common,
-            own=friction,
-            columns=columns,
-            target=known_side(rows, equation),
-            parts=_parts(rows, signals, rig, values),
-            constants={one.source: constant_error(rows, equation, one).rows * one.std for one in constants},
-            grid=self._grid(signals, rows, a11, b),
-            balance=rows,
-            values=values,
-            noise=self.noise,
-        )
-
-    def _grid(self, signals: Signals, rows: Rows, a11: float, b: float) -> Array:
-        """Errors of the rows by the encoder's grid, for eight phases of it; none without a grid."""
-        if self.noise.resolution == 0.0:
-            return np.zeros((0, len(rows.windows)))
-        nodes, windows = signals.nodes, rows.windows
-        shape = signals.angle.shape
-        errors = signals.grid_errors(self.noise.resolution) / nodes.flat[1]
-        cosine = signals.cosine
-        at_nodes = [error.reshape(shape) for error in errors]
-        first = project(nodes, [(error, 2) for error in at_nodes], windows.centres, windows.half)
-        second = project(nodes, [(error * cosine, 0) for error in at_nodes], windows.centres, windows.half)
-        result: Array = -(a11 * first + b * second).T
-        return result
-
-
-def _parts(rows: Rows, signals: Signals, rig: Rig, values: Mapping[str, float]) -> dict[str, Array]:
-    """Regressor of every part, by its key (and "zero"), about the channels as read (THEORY 4, self-calibration).
-
-    δ of the wheel against the angle     −a12 ∫φ'' q2'          (direct drive: of the angle against the torque, ∫φ' τ)
-    α of the wheel's encoder             −a12 ∫φ'' cos q2
-    α of the axis' encoder               −a11 ∫φ'' cos q1 − b ∫φ cos² q1
-    δ of the angle's zero                −b ∫φ cos q1
-    """
-    shapes: list[tuple[str, Channel, Shape]] = []
-    if not signals.linear:
-        shapes += [(f"{ANGLE}.nonlinearity_{shape}", "angle", shape) for shape in BENDS]
-    if signals.wheel is not None:
-        shapes += [(f"{WHEEL}.nonlinearity_{shape}", "wheel", shape) for shape in BENDS]
-    if not signals.linear:
-        shapes.append(("zero", "angle", "offset"))
-    if signals.wheel is not None or signals.torque is not None:
-        shapes.append((latency_key(rig), "angle" if signals.wheel is None else "wheel", "latency"))
-    found = [Perturbation(key, 0.0, None, channel, shape) for key, channel, shape in shapes]
-    return {error.source: error.rows for error in channel_errors(rows, signals, found, values)}
+        friction = tuple(name for name in self.first.friction if name in rows.columns)
+        fit = fit_rows(rows, equation_of(rig), self.noise, friction)
+        if fit is None:
+            return None
+        values = fit.coefficients | {"inertia": a11, "gravity_torque": b}
+        declared = {part_key(one): one.rows * one.std for one in errors_of(rows, signals, rig, fit.equation, values)}
+        if not signals.linear:
+            (zero,) = shaped_errors(rows, signals, "angle", [np.ones_like(signals.angle)], values).T
+            declared["zero"] = zero * ZERO
+        grid = np.zeros((0, len(rows)))
+        if self.noise.resolution:
+            errors = signals.grid_errors(self.noise.resolution) / signals.nodes.flat[1]
+            shapes = errors.reshape(-1, *signals.angle.shape)
+            grid = shaped_errors(rows, signals, "angle", shapes, values).T
+        return LogRows(fit, declared, grid, values)

@@ -94,7 +94,8 @@ def _calibrated(several: Sequence[Recording], rig: Rig, plain: Rig, parts: Seque
         read.append(CalibrationLog.of(log, plain))
         stepped()
     found = estimate(read, plain, parts)
-    told = tuple(part.key for part in wanted if found.uncertainties[part.key] < IDENTIFIABLE * part.prior)
+    known = found.uncertainties < IDENTIFIABLE * np.array([part.prior for part in parts])
+    told = tuple(part.key for part, one in zip(parts, known, strict=True) if one and not part.nuisance)
     if not told:
         name = several[0].source.path or "the log" if len(several) == 1 else f"the {len(several)} logs"
         raise UnanswerableError(
@@ -117,20 +118,20 @@ def _evaluated(found: Estimate, rig: Rig) -> Evaluated:
     The scatter contains the priors of parts that are hardly identifiable, and uncertain constants of the rig.
     """
     at = [k for k, part in enumerate(found.parts) if not part.nuisance]
-    parts = [found.parts[k] for k in at]
-    values = {part.key: (found.values[part.key], part.unit) for part in parts}
-    if (key := latency_key(rig)) in values:
-        values[key] = values[key][0] + stated_latency(rig).value, "s"
+    parts, late = [found.parts[k] for k in at], stated_latency(rig).value
+    values = {}
+    for k, part in zip(at, parts, strict=True):
+        values[part.key] = float(found.values[k]) + late * (part.unit == "s"), part.unit
     name = "scatter of the windows, bounds and constants"
     common = [
         (systematic(source), part.key, float(sizes[k]))
         for source, sizes in (
-            ("place of the encoder's grid", found.grid),
+            ("place of the encoder's grid", np.sqrt(np.maximum(found.grid, 0.0))),
             ("drift with the length of the windows", found.drift),
         )
         for k, part in zip(at, parts, strict=True)
     ]
-    return evaluate(values, Scatter(name, found.covariance[np.ix_(at, at)], np.full(len(at), np.inf)), common)
+    return evaluate(values, Scatter(name, found.scatter[np.ix_(at, at)], np.full(len(at), np.inf)), common)
 
 
 def _strangers(logs: Sequence[CalibrationLog], rig: Rig, found: Estimate) -> Iterator[Message]:
@@ -152,9 +153,8 @@ def _notes(wanted: Sequence[Part], told: Sequence[str], found: Estimate) -> Iter
     unknown = [part.key for part in wanted if part.key not in told]
     if unknown:
         yield Message("not-told", f"not identifiable from these logs, and not written: {', '.join(unknown)}.")
-    if "zero" in found.values:
-        value, u = found.values["zero"], found.uncertainties["zero"]
-        if abs(value) > CERTAIN * u:
+    for part, value, u in zip(found.parts, found.values.tolist(), found.uncertainties.tolist(), strict=True):
+        if part.nuisance and abs(value) > CERTAIN * u:
             text = (
                 f"the zero of the angle is {plus_minus(value, u, 'rad')} from the hanging position; it is not written."
             )

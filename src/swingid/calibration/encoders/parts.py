@@ -5,13 +5,16 @@ Each has a normal prior: the standard deviation that the rig file states, else o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from swingid.balance.perturbations import RowError
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import ONE_ENCODER
+from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import Channel
 from swingid.units import Quantity
 
 WIDE = float(np.radians(1.0))
@@ -42,20 +45,21 @@ class Part:
         return "s" if self.key.endswith("latency") else "rad"
 
 
+def tables_of(rig: Rig) -> dict[Channel, str]:
+    """Table in the rig file of each encoder that the balance depends on."""
+    return {"angle": ANGLE, "wheel": WHEEL} if rig.drive.kind == "reaction-wheel" else {"angle": ANGLE}
+
+
 def parts_of(rig: Rig) -> list[Part]:
     """The parts that logs of this rig may make identifiable."""
     found = []
-    tables = {"angle": ANGLE, "wheel": WHEEL} if rig.drive.kind == "reaction-wheel" else {"angle": ANGLE}
     if rig.axis.kind == "rotary":
-        for table in tables.values():
+        for table in tables_of(rig).values():
             spread = declared_spread(rig, table)
             found += [Part(f"{table}.{key}", spread or WIDE, spread > 0) for key in ONE_ENCODER]
         found.append(Part("zero", ZERO, False, nuisance=True))
     if rig.drive.kind != "none":
-        stds = [rig.sensors.of("angle").latency.std or 0.0]
-        if rig.drive.kind == "reaction-wheel":
-            stds.append(rig.sensors.of("wheel").latency.std or 0.0)
-        spread = float(np.hypot.reduce(stds))
+        spread = float(np.hypot.reduce([rig.sensors.of(channel).latency.std or 0.0 for channel in tables_of(rig)]))
         found.append(Part(latency_key(rig), spread or LATEST, spread > 0))
     return found
 
@@ -73,19 +77,19 @@ def bounded(rig: Rig) -> Rig:
     rig = with_latencies(rig, lambda latency: latency.value)
     if rig.axis.kind != "rotary":
         return rig
-    tables = (ANGLE, WHEEL) if rig.drive.kind == "reaction-wheel" else (ANGLE,)
+    tables = tables_of(rig).values()
     missing = {f"{table}.nonlinearity": WIDE for table in tables if declared_spread(rig, table) == 0}
     return rig.changed(missing) if missing else rig
 
 
 def latency_key(rig: Rig) -> str:
     """Where the latency between the channels is written: at the wheel where there is one, else at the angle."""
-    return f"{WHEEL if rig.drive.kind == 'reaction-wheel' else ANGLE}.latency"
+    return f"{[*tables_of(rig).values()][-1]}.latency"
 
 
 def stated_latency(rig: Rig) -> Quantity:
     """Stated latency of the channel of `latency_key`."""
-    return rig.sensors.of("wheel" if rig.drive.kind == "reaction-wheel" else "angle").latency
+    return rig.sensors.of([*tables_of(rig)][-1]).latency
 
 
 def uncalibrated(rig: Rig) -> Rig:
@@ -95,6 +99,11 @@ def uncalibrated(rig: Rig) -> Rig:
     return rig.changed(dict.fromkeys(found)) if found else rig
 
 
+def part_key(error: RowError) -> str:
+    """Key in the rig file of what states an error, that of a part where it is one."""
+    return (error.of.shared_id or error.source).replace(".nonlinearity.", ".nonlinearity_")
+
+
 def with_latencies(rig: Rig, changed: Callable[[Quantity], object]) -> Rig:
     """The rig with each stated latency as `changed` makes it."""
     tables = ((ANGLE, rig.sensors), (WHEEL, rig.sensors.wheel))
@@ -102,8 +111,9 @@ def with_latencies(rig: Rig, changed: Callable[[Quantity], object]) -> Rig:
     return rig.changed({f"{table}.latency": changed(own.latency) for table, own in stated}) if stated else rig
 
 
-def with_parts(rig: Rig, values: Mapping[str, float], parts: Iterable[Part]) -> Rig:
-    """The rig with these values (by key) of α and β, and added to the latency."""
+def with_parts(rig: Rig, values: Array, parts: Sequence[Part]) -> Rig:
+    """The rig with these values (parts,) of α and β, and added to the latency; as uncertain as before the logs."""
     late = stated_latency(rig).value
-    own = [part for part in parts if not part.nuisance]
-    return rig.changed({part.key: values[part.key] + (late if part.unit == "s" else 0.0) for part in own})
+    own = [(part, float(value)) for part, value in zip(parts, values, strict=True) if not part.nuisance]
+    changes = {part.key: Quantity(value + late * (part.unit == "s"), part.prior) for part, value in own}
+    return with_latencies(rig, lambda latency: latency.value).changed(changes)

@@ -16,7 +16,7 @@ from swingid.calibration.encoders import parts as at
 from swingid.calibration.encoders.method import calibrate_encoders
 from swingid.errors import SwingidError, UnanswerableError
 from swingid.model.rig import Rig
-from swingid.preparation.encoders import LATENCY, is_off
+from swingid.preparation.encoders import LATENCY, Channel, is_off
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Message, Result
@@ -28,6 +28,8 @@ CAUSES = {Kind.ENCODER_NONLINEARITY, Kind.LATE_CHANNEL}
 
 ALIKE = {*CAUSES, Kind.GRAVITY_TORQUE, Kind.ANGLE_ZERO}
 """With what has a regressor near that of a nonlinearity: beside the gravity torque, one log does not lead here."""
+
+WORDS: dict[Channel, str] = {"angle": "of the angle's encoder", "wheel": "of the wheel's"}
 
 CODE, REPAIR = "calibrated-by-itself", "calibrate"
 
@@ -56,7 +58,8 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
     left = [one for one in _warnings(again) if one.kind is not Kind.CALIBRATED]
     settled = all(one.kind not in ALIKE and one.code in codes for one in left)  # nothing of the kind, and nothing new
     settled &= all(
-        _size(better, table) <= max(at.WIDE, INDICATED * at.declared_spread(rig, table)) for table in _tables(rig)
+        _size(better, channel) <= max(at.WIDE, INDICATED * at.declared_spread(rig, table))
+        for channel, table in at.tables_of(rig).items()
     )
     return _of_the_file(again, result) if settled else result
 
@@ -81,7 +84,7 @@ def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
     # rounding errors of an encoder that repeat with every swing look like a nonlinearity, too
     if not any(abs(part.value) > CERTAIN * (part.standard_uncertainty or np.inf) for part in parts):
         raise UnanswerableError("the encoders' nonlinearity is hardly identifiable.", code="not-identifiable")
-    sizes = [f"{np.degrees(_size(found.rig, table)):.2g}° {of}" for table, of in _tables(rig).items()]
+    sizes = [f"{np.degrees(_size(found.rig, channel)):.2g}° {WORDS[channel]}" for channel in at.tables_of(rig)]
     shows = "this log shows" if len(logs) == 1 else "these logs show"
     text = (
         f"the rig file does not state the encoders' nonlinearity; {shows} {' and '.join(sizes)} once per turn, which "
@@ -101,14 +104,9 @@ def _latency(rig: Rig) -> tuple[Rig, str]:
     return rig.changed({key: Quantity(at.stated_latency(rig).value, at.LATEST)}), text
 
 
-def _tables(rig: Rig) -> dict[str, str]:
-    tables = {at.ANGLE: "of the angle's encoder"}
-    return tables | {at.WHEEL: "of the wheel's"} if rig.drive.kind == "reaction-wheel" else tables
-
-
-def _size(rig: Rig, table: str) -> float:
+def _size(rig: Rig, channel: Channel) -> float:
     """Stated nonlinearity of an encoder, rad."""
-    sensor = rig.sensors.of("wheel" if table == at.WHEEL else "angle")
+    sensor = rig.sensors.of(channel)
     return float(np.hypot(sensor.cosine.value, sensor.sine.value))
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
-from swingid.calibration.outcome import Found
+from swingid.calibration.outcome import Found, shifts_of
 from swingid.methods.momentum.method import momentum
 from swingid.model.parameters import AXIS_TILT
 from swingid.model.rig import Rig
@@ -100,12 +99,7 @@ def _correlation(found: Result, names: dict[str, str], slope: float, carried: fl
         return {}
     keys, u = list(known), np.array(list(known.values()), dtype=np.float64)
     whole = np.array([[table[one][other] for other in keys] for one in keys]) * np.outer(u, u)
-    of_gravity = {
-        e.parameter: math.copysign(e.standard_uncertainty, e.sensitivity)
-        for e in found.budget
-        if e.shared_id == GRAVITY and e.sensitivity is not None
-    }
-    shifts = np.array([of_gravity.get(key, 0.0) for key in keys])
+    shifts = np.array([shifts_of(found.budget, key).get(GRAVITY, 0.0) for key in keys])
     at = keys.index("inertia")
     own = slope * (whole - np.outer(shifts, shifts))[at]
     matrix = np.block([[np.atleast_2d(slope * own[at]), own[None, :]], [own[:, None], whole]])

@@ -77,13 +77,6 @@ class Extra:
         return self.uncertainty < 0.3 * self.prior
 
 
-@dataclass(frozen=True)
-class _Column:
-    name: str
-    prior: float
-    values: Array
-
-
 def extras(fits: list[WindowFit], signals: Signals, turn: float) -> dict[str, Extra]:
     """Every small quantity of this rig by name, from fits on windows of several lengths.
 
@@ -111,33 +104,37 @@ def amplitude(found: dict[str, Extra], which: str) -> tuple[float, float, bool]:
 
 def _fitted(fit: WindowFit, signals: Signals, turn: float) -> Iterator[Extra]:
     """One joint fit of friction, inertia and all extra columns on the windows of `fit`."""
-    more = list(_columns(fit, signals, turn))
-    solved, error = fit_with_prior(fit, [each.values * each.prior for each in more], ROUNDS)
+    more = _columns(fit, signals, turn)
+    solved, error = fit_with_prior(fit, [prior * column for prior, column in more.values()], ROUNDS)
     count = len(fit.rows)
     residuals = solved.residuals[:count]
     data = LinearFit(solved.values, residuals, solved.influence[:, :count], solved.condition)
     from_prior = solved.influence[:, count:] * error
     variances = np.diag(data.covariance(LAG) + from_prior @ from_prior.T)
-    for k, column in enumerate(more, start=len(fit.unknowns)):
-        spread = float(np.sqrt(max(variances[k], 0.0))) * column.prior
-        yield Extra(column.name, float(solved.values[k]) * column.prior, spread, column.prior)
+    for k, (name, (prior, _)) in enumerate(more.items(), start=len(fit.unknowns)):
+        yield Extra(name, float(solved.values[k]) * prior, float(np.sqrt(max(variances[k], 0.0))) * prior, prior)
 
 
-def _columns(fit: WindowFit, signals: Signals, turn: float) -> Iterator[_Column]:
-    rows, values = fit.rows, fit.coefficients
+def _columns(fit: WindowFit, signals: Signals, turn: float) -> dict[str, tuple[float, Array]]:
+    """Prior standard deviation and column of every small quantity of this rig, by name."""
+    found, rows, values = {}, fit.rows, fit.coefficients
     if signals.wheel is not None or signals.torque is not None:
-        yield _Column("latency", PRIOR_LATENCY, late_error(rows, signals, values))
+        found["latency"] = PRIOR_LATENCY, late_error(rows, signals, values)
     if signals.wheel is not None:
         waves = _waves("wheel", signals.wheel / turn)
-        for name, own in zip(waves, shaped_errors(rows, signals, "wheel", waves.values(), values).T, strict=True):
-            yield _Column(name, PRIOR_ENCODER, own)
+        columns = shaped_errors(rows, signals, "wheel", waves.values(), values)
+        found |= {name: (PRIOR_ENCODER, column) for name, column in zip(waves, columns.T, strict=True)}
     if signals.linear:
-        return
+        return found
     waves = _waves("angle", signals.angle)
-    if values["gravity_torque"]:
-        waves = {"zero": np.ones_like(signals.angle), **waves}
-    for name, own in zip(waves, shaped_errors(rows, signals, "angle", waves.values(), values).T, strict=True):
-        yield _Column(name, PRIOR_ZERO if name == "zero" else PRIOR_ENCODER, own)
+    if fit.value("gravity_torque"):
+        found["zero"] = PRIOR_ZERO, _zero_column(fit, signals)
+    columns = shaped_errors(rows, signals, "angle", waves.values(), values)
+    return found | {name: (PRIOR_ENCODER, column) for name, column in zip(waves, columns.T, strict=True)}
+
+
+def _zero_column(fit: WindowFit, signals: Signals) -> Array:
+    return shaped_errors(fit.rows, signals, "angle", [np.ones_like(signals.angle)], fit.coefficients)[:, 0]
 
 
 def _waves(which: str, angle: Array) -> dict[str, Array]:
@@ -155,8 +152,7 @@ def zero_of(fits: list[WindowFit], signals: Signals) -> Extra | None:
         return None
     found = []
     for fit in fits:
-        (zero,) = shaped_errors(fit.rows, signals, "angle", [np.ones_like(signals.angle)], fit.coefficients).T
-        solved = fit_linear(np.column_stack([fit.columns, zero]), fit.known)
+        solved = fit_linear(np.column_stack([fit.columns, _zero_column(fit, signals)]), fit.known)
         found.append((float(np.sqrt(solved.covariance(LAG)[-1, -1])), float(solved.values[-1])))
     found.sort()
     return pooled("zero", found, PRIOR_ZERO)

@@ -49,7 +49,7 @@ def fits(log: sw.Recording, rig: sw.Rig, half: float) -> tuple[WindowFit, Window
     signals = Signals.of(used, rig, motion, Encoders.of(rig), longest=0.0)  # blocks of one interval: plain sums
     rows = rows_of(signals, law_windows(signals, half))
     exact = fit_rows(rows, equation_of(rig), noise, BASIS)
-    plain = fit_rows(replace(rows, inertia=plain_sum(signals, rows.windows)), equation_of(rig), noise, BASIS)
+    plain = fit_rows(rows.beside({"inertia": plain_sum(signals, rows.windows)), equation_of(rig), noise, BASIS})
     return None if exact is None or plain is None else (exact, plain)
 
 

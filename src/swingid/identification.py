@@ -11,7 +11,7 @@ from swingid.errors import InputError, SwingidError, UnanswerableError, UsageErr
 from swingid.methods.table import DEFAULT, Method, method_of
 from swingid.methods.unscaled import in_units_of, require_method, unscaled
 from swingid.model.rig import Rig
-from swingid.preparation.reference import FRICTION, Reference, reference_of, turns_freely
+from swingid.preparation.reference import FRICTION, GAIN, WHEEL, Reference, reference_of, turns_freely
 from swingid.preparation.scale import refuse_motor
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Finding, Recording
@@ -129,8 +129,25 @@ def _together(
         raise UsageError(f"{', '.join(options)}: no option of one fit to several logs; leave it out.", code="no-option")
     logs = named_recordings([log] if isinstance(log, Recording | LargeLog) else log)
     bodies = bodies_of(added, len(logs), rig)
+    if added is not None:
+        _refuse_unknown_drive(rig)
     prepared = [prepare(one, rig, together=True, scaled_elsewhere=added is not None) for one in logs.values()]
     return momentum_together(prepared, list(logs), bodies)
+
+
+def _refuse_unknown_drive(rig: Rig) -> None:
+    """Raise UnanswerableError where the scale of the drive is unknown, beside which a known body would be a second one.
+
+    The constant is the unit of such a rig, 1 in itself: a body in kg m² beside it would be in another unit.
+    """
+    found = reference_of(rig)
+    if found is not None and found.key in (WHEEL, GAIN):
+        raise UnanswerableError(
+            f"rig {rig.name}: {found.key} is unknown, and known bodies (--added) do not determine it beside the "
+            "inertia; state it, or identify each log by itself, which gives ratios, and give both results to swingid "
+            "difference --known.",
+            code="no-scale",
+        )
 
 
 def _coast_down(

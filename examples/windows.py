@@ -10,7 +10,6 @@ window's ends off at a node.
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 
@@ -49,7 +48,8 @@ def fits(log: sw.Recording, rig: sw.Rig, half: float) -> tuple[WindowFit, Window
     signals = Signals.of(used, rig, motion, Encoders.of(rig), longest=0.0)  # blocks of one interval: plain sums
     rows = rows_of(signals, law_windows(signals, half))
     exact = fit_rows(rows, equation_of(rig), noise, BASIS)
-    plain = fit_rows(rows.beside({"inertia": plain_sum(signals, rows.windows)), equation_of(rig), noise, BASIS})
+    plain_rows = rows.beside({"inertia": plain_sum(signals, rows.windows)})
+    plain = fit_rows(plain_rows, equation_of(rig), noise, BASIS)
     return None if exact is None or plain is None else (exact, plain)
 
 

@@ -48,14 +48,14 @@ Criterion = Callable[[float, int, float], float]
 
 @dataclass(frozen=True)
 class Trial:
-    """A law fitted beside the body: sum of squared residuals, and the values (body,) of the body's unknowns.
+    """A law fitted beside the body: sum of squared residuals, and the values of all columns, 0 of those it lacks.
 
     variance: of the first of these, by residuals that are white.
     """
 
     law: Law
     lost: float
-    body: Array
+    values: Array
     variance: float
 
 
@@ -65,9 +65,8 @@ class LawChoice:
 
     The friction columns are those of EXACT, then either hat functions of the speed on `knots`, with which the speed of
     Stribeck's peak is sought, or a peak for each of the speeds `peaks`. A law is rejected where a torque is negative by
-    more than `level` standard uncertainties, in either direction or, not sided, a coefficient; kept: name of the one
-    that never is. The dependence on the direction is chosen among the laws without a peak whose speed is sought, which
-    does not affect it.
+    more than `level` standard uncertainties, in either direction or, not sided, in one; but for the law `kept`. The
+    dependence on the direction is chosen among the laws without a peak whose speed is sought, which does not affect it.
 
     slowest: Stribeck speed below which a peak is not identifiable; by default none is sought. origin (columns,): for a
     model that is not linear, the values about which it is linearised; the known side is what they leave.
@@ -162,7 +161,7 @@ class LawChoice:
         for k, (name, peak, places) in enumerate(laws):
             if (dissipates[k] or name == self.kept) and (name not in found or lost[k] < found[name].lost):
                 law = Law(name, law_terms(name), values[k, places], np.nan if peak < 0 else float(self.peaks[peak]))
-                found[name] = Trial(law, float(lost[k]), values[k, : self.body], float(inverse[k, 0, 0] * variance[k]))
+                found[name] = Trial(law, float(lost[k]), values[k], float(inverse[k, 0, 0] * variance[k]))
         return found
 
     def _likeliest_speed(self, name: str, others: dict[str, Trial]) -> float:
@@ -289,9 +288,13 @@ def _layout(
 
 
 def _sides(terms: tuple[str, ...], sided: bool) -> Array:
-    """Weights of the coefficients of a law in either direction; not sided: of those of its odd terms alone."""
+    """Weights of the coefficients of a law in either direction; not sided: in that of falling angles alone."""
     unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
-    sides = [unit[term] for term in terms if term not in ("offset", "viscous_even")]
+    odd = [term for term in terms if term not in ("offset", "viscous_even")]
+    sides = [unit[term] for term in odd]
+    if not sided and "viscous_even" in unit:
+        even = {"coulomb": unit["offset"], "viscous": unit["viscous_even"]}
+        return np.array([unit[term] - even.get(term, 0.0) for term in odd])
     if sided and "viscous_even" in unit:
         viscous, even = unit.get("viscous", np.zeros(len(terms))), unit["viscous_even"]
         sides += [viscous + even, viscous - even]

@@ -12,15 +12,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.fits import LAG, columns_of, known_side
-from swingid.balance.friction_laws import TERMS, FrictionRows, Law, curve_speeds, speed_knots, stribeck_peak
+from swingid.balance.friction_laws import (
+    CURVE_KNOTS,
+    TERMS,
+    FrictionRows,
+    Law,
+    curve_speeds,
+    speed_knots,
+    stribeck_peak,
+)
 from swingid.balance.law_choice import DIRECTED, LawChoice, slowest_peak
 from swingid.balance.rows import Rows, Signals
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.preparation.scale import Scale
 from swingid.result.data import FrictionCurve
-
-CURVE_KNOTS = 7
 
 
 @dataclass(frozen=True)
@@ -99,7 +105,7 @@ def _curve(friction: FrictionRows, law: Law, covariance: Array, choice: LawChoic
     projected = vectors.T @ shared
     width = _likeliest_width(eigen, projected, noise)
     shrunk = width / (noise + width * eigen) if noise > 0 else np.zeros_like(eigen)
-    speeds = curve_speeds(friction.knots[-1], CURVE_KNOTS, rest=False)
+    speeds = curve_speeds(friction.knots[-1], rest=False)
     # the two values at rest only allow a jump there
     own = np.r_[: len(speeds) // 2, len(speeds) // 2 + 2 : len(speeds) + 2]
     deviation = (vectors @ (shrunk * projected))[own]

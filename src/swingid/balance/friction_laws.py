@@ -62,6 +62,9 @@ nearly a sum of them, so no search for its speed is necessary beside the inertia
 EXACT = tuple(TERMS)
 """Terms with a column of their own."""
 
+CURVE_KNOTS = 7
+"""Speeds of a curve of friction, on each side of rest."""
+
 NO_CANDIDATES: Mapping[str, float] = {}
 
 COULOMB, OFFSET = EXACT.index("coulomb"), EXACT.index("offset")
@@ -190,7 +193,7 @@ class Law:
         return FrictionCurve(speeds, torques + beyond, spread, self.name, torques, dict(candidates))
 
 
-def curve_speeds(fastest: float, count: int, *, rest: bool = True) -> Array:
+def curve_speeds(fastest: float, count: int = CURVE_KNOTS, *, rest: bool = True) -> Array:
     """Speeds of a curve of friction, `count` on each side, denser near rest; rest: also one on each side of it."""
     side = speed_knots(fastest, count)[count + 1 :]
     side = np.append(1e-6 * fastest, side) if rest else side

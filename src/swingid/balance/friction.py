@@ -18,6 +18,8 @@ from swingid.balance.friction_laws import (
     FrictionRows,
     Law,
     curve_speeds,
+    function_weights,
+    slope_weights,
     speed_knots,
     stribeck_peak,
 )
@@ -82,7 +84,7 @@ def _fitted(friction: FrictionRows, body: Array, target: Array, law: Law, impuls
     """
     weights = friction.law(law.terms, law.stribeck_speed)
     if "stribeck" in law.terms:
-        weights = np.column_stack([weights, law.peak * friction.stribeck_slope(law.stribeck_speed)])
+        weights = np.column_stack([weights, law.peak * slope_weights(friction.knots, law.stribeck_speed)])
     fit = fit_linear(np.column_stack([friction.columns @ weights, body]), target)
     own = slice(0, len(law.unknowns))
     timing = fit.influence[own] @ friction.rows.friction["memory"] * impulse
@@ -119,10 +121,10 @@ def _deviations(friction: FrictionRows, coarse: Array) -> Array:
     units = np.eye(len(coarse))
     hats = [np.interp(friction.knots, coarse, unit) for unit in units]
     middle, side = len(coarse) // 2, np.sign(friction.knots)
-    weights = [friction.function(hat, 0.0, 0.0) for hat in hats]
+    weights = [function_weights(friction.knots, hat, 0.0, 0.0) for hat in hats]
     halves = [
-        friction.function(hats[middle] * (side < 0), 0.0, 1.0),
-        friction.function(hats[middle] * (side > 0), 1.0, 0.0),
+        function_weights(friction.knots, hats[middle] * (side < 0), 0.0, 1.0),
+        function_weights(friction.knots, hats[middle] * (side > 0), 1.0, 0.0),
     ]
     return np.column_stack([*weights[:middle], *halves, *weights[middle + 1 :]])
 
@@ -133,7 +135,8 @@ def _between_laws(choice: LawChoice, law: Law, speeds: Array) -> Array:
     variance = np.zeros(len(speeds))
     for name, weight in choice.weights().items():
         other = choice.trials[name].law
-        at["stribeck"] = stribeck_peak(speeds, other.stribeck_speed)
+        if "stribeck" in other.terms:
+            at["stribeck"] = stribeck_peak(speeds, other.stribeck_speed)
         variance += weight * (other.coefficients @ np.array([at[term] for term in other.terms]) - own) ** 2
     return variance
 

@@ -230,14 +230,6 @@ class FrictionRows:
                 weights[:, k] = peak_weights(self.knots, np.array([stribeck_speed]))[0]
         return weights
 
-    def stribeck_slope(self, stribeck_speed: float) -> Array:
-        """Weights of the derivative of Stribeck's peak by its speed."""
-        return slope_weights(self.knots, stribeck_speed)
-
-    def function(self, values: Array, above: float, below: float) -> Array:
-        """Weights of a function with `values` at the knots and the limits `above` and `below` rest."""
-        return _function_weights(self.knots, values, above, below)
-
 
 def with_near_rest(signals: Signals, rows: Rows) -> Rows:
     """Rows of "law" windows, of one length, with the columns of `NEAR_REST`."""
@@ -257,16 +249,16 @@ def places_of(terms: tuple[str, ...]) -> Ints:
 
 def peak_weights(knots: Array, stribeck_speeds: Array) -> Array:
     """Weights on `FrictionRows.columns` that give Stribeck's peak for each of the speeds, (speeds, columns)."""
-    return _function_weights(knots, _smooth(knots, stribeck_peak(knots, stribeck_speeds[:, None])), 1.0, -1.0)
+    return function_weights(knots, _smooth(knots, stribeck_peak(knots, stribeck_speeds[:, None])), 1.0, -1.0)
 
 
 def slope_weights(knots: Array, stribeck_speed: float) -> Array:
-    """As `FrictionRows.stribeck_slope`."""
-    return _function_weights(knots, _smooth(knots, stribeck_slope(knots, stribeck_speed)), 0.0, 0.0)
+    """Weights of the derivative of Stribeck's peak by its speed, (columns,)."""
+    return function_weights(knots, _smooth(knots, stribeck_slope(knots, stribeck_speed)), 0.0, 0.0)
 
 
-def _function_weights(knots: Array, values: Array, above: float, below: float) -> Array:
-    """As `FrictionRows.function`, of functions with these values (..., knots)."""
+def function_weights(knots: Array, values: Array, above: float, below: float) -> Array:
+    """Weights of functions with these values (..., knots) at the knots and the limits `above` and `below` rest."""
     jump, mean = (above - below) / 2, (above + below) / 2
     weights = np.zeros((*values.shape[:-1], len(EXACT) + len(knots)))
     weights[..., COULOMB], weights[..., OFFSET] = jump, mean

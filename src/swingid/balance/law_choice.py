@@ -34,6 +34,9 @@ DIRECTED = tuple(odd + list(DIRECTIONS)[-1] for odd, terms in LAWS.items() if "s
 ROUNDING = 1e-10
 """Share of the power of the known side below which a residual is that of the arithmetic, not of a law."""
 
+RIDGE, RESOLVED = 1e-13, 1e-15
+"""What is added to scaled normal equations, and the share of a power that its rounding is: less is not resolved."""
+
 STEPS, CLOSE = 5, 1e-3
 """Most steps of the search for a Stribeck speed, and the relative step that ends it."""
 
@@ -133,18 +136,13 @@ class LawChoice:
         more: weights of the further columns. Returns the sum of squared residuals, and the products of the further
         columns, with law and body projected out, with each other and with the residuals.
         """
-        body = np.eye(self.body, self.body + len(weights))
-        law = np.vstack([np.hstack([np.zeros((weights.shape[1], self.body)), weights.T]), body])
-        others = np.hstack([np.zeros((more.shape[1], self.body)), more.T])
-        inner, right, power = self.gram[:-1, :-1], self.gram[:-1, -1], float(self.gram[-1, -1])
-        fitted = law @ inner
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(fitted @ law.T), 1e-300))
-        scaled = (fitted @ law.T) * np.outer(scale, scale) + 1e-13 * np.eye(len(scale))
-        mixed = fitted @ others.T
-        taken = np.linalg.solve(scaled, scale[:, None] * np.column_stack([mixed, law @ right])) * scale[:, None]
-        left = max(power - float(taken[:, -1] @ (law @ right)), 1e-15 * power, 1e-300)
-        shared: Array = others @ right - mixed.T @ taken[:, -1]
-        return left, others @ inner @ others.T - mixed.T @ taken[:, :-1], shared
+        matrix, size = self._with(np.hstack([weights, more]).T, range(self.body)), self.body + weights.shape[1]
+        fitted, mixed = matrix[:size, :size], matrix[:size, size:]
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(fitted), 1e-300))
+        scaled = fitted * np.outer(scale, scale) + RIDGE * np.eye(size)
+        taken = np.linalg.solve(scaled, scale[:, None] * mixed) * scale[:, None]
+        rest = matrix[size:, size:] - mixed.T @ taken
+        return max(float(rest[-1, -1]), RESOLVED * float(matrix[-1, -1]), 1e-300), rest[:-1, :-1], rest[:-1, -1]
 
     def _criteria(self, trials: dict[str, Trial], criterion: Criterion) -> dict[str, float]:
         return {name: criterion(one.lost, len(one.law.unknowns), self.independent) for name, one in trials.items()}
@@ -238,20 +236,18 @@ def _solved(matrix: Array, used: Bools, origin: Array | None = None) -> tuple[Ar
     origin (n,): values at which the known side is what is left. Returns the squared residuals (fits,), the values
     (fits, n), 0 of columns that are not used, and what scales their covariance (fits, n, n).
     """
-    inner, right, power = matrix[:-1, :-1], np.broadcast_to(matrix[:-1, -1], used.shape), matrix[-1, -1]
+    inner, right, power = matrix[:-1, :-1], matrix[None, :-1, -1], matrix[-1, -1]
     if origin is not None:
         # what the columns contribute that a fit does not have
         lacking = np.column_stack([np.where(used, 0.0, origin), np.ones(len(used))])
         right, power = lacking @ matrix[:, :-1], ((lacking @ matrix) * lacking).sum(axis=1)
     scale = used / np.sqrt(np.maximum(np.diagonal(inner), 1e-300))
     both = scale[:, :, None] * scale[:, None, :]
-    places = np.arange(len(inner))
-    scaled = inner * both
-    scaled[:, places, places] += np.where(used, 1e-13, 1.0)
+    scaled, places = inner * both, np.arange(len(inner))
+    scaled[:, places, places] += np.where(used, RIDGE, 1.0)
     inverse = np.linalg.inv(scaled) * both
     values = (inverse @ right[:, :, None])[:, :, 0]
-    # less than the rounding of the power is not resolved
-    lost = np.maximum(np.maximum(power - np.einsum("ij,ij->i", values, right), 1e-15 * power), 1e-300)
+    lost = np.maximum(np.maximum(power - (values * right).sum(axis=1), RESOLVED * power), 1e-300)
     return lost, values if origin is None else values + np.where(used, origin, 0.0), inverse
 
 

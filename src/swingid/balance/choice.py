@@ -26,7 +26,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
-from swingid.uncertainty.significance import DETECTED
+from swingid.uncertainty.significance import DETECTED, bayesian, misfit
 
 FLAT = 1.25
 """Of windows whose uncertainties are equal within this factor the longest is taken."""
@@ -76,9 +76,6 @@ class Choice(NamedTuple):
 FURTHER = {(*NEAR_REST,): 21.1, ("cubic",): 15.1, (*NEAR_REST, "cubic"): 23.5}
 """Terms of friction that are tried together beside BASIS, each with the fall of −2 log likelihood from which on it is
 taken: χ² with 3, 1 and 4 degrees of freedom, 1e-4, one test per log, for it changes the model of the fit."""
-
-TINY = 1e-300
-"""Least sum of squares, whose logarithm is finite."""
 
 MEMORY = ("auto", "on", "off")
 """Whether an impulse at each reversal is fitted: where it is significant, in any case, or not."""
@@ -176,15 +173,15 @@ def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float
     rows, fits = with_near_rest(signals, plain.rows), {}
     for terms, level in FURTHER.items():
         fit = _beside(plain, rows, terms)
-        if fit is not None and _dissipates(fit) and independent * np.log(_lost(plain) / _lost(fit)) > level:
+        if fit is not None and _dissipates(fit) and gain(plain, fit) > level:
             fits[terms] = fit
     if not fits:
         return tried
-    score = {terms: independent * np.log(_lost(fit)) + len(terms) * np.log(independent) for terms, fit in fits.items()}
+    score = {terms: bayesian(_lost(fit), len(terms), independent) for terms, fit in fits.items()}
     terms = min(score, key=lambda one: score[one])
     for columns in _errors_of_angles(plain, signals):
-        left = max(float(np.sum(residuals_beside(plain, columns) ** 2)), TINY)
-        if independent * np.log(left) + columns.shape[1] * np.log(independent) < score[terms]:
+        left = float(np.sum(residuals_beside(plain, columns) ** 2))
+        if bayesian(left, columns.shape[1], independent) < score[terms]:
             return tried
     found = {half: _beside(fit, with_near_rest(signals, fit.rows), terms) for half, fit in tried.items()}
     return {half: fit for half, fit in found.items() if fit is not None}
@@ -201,9 +198,15 @@ def _dissipates(fit: WindowFit) -> bool:
     return not peaks or (fit.value("coulomb") > 0 and sum(peaks) > 0)
 
 
+def gain(plain: WindowFit, more: WindowFit) -> float:
+    """Fall of −2 log likelihood from a fit to one of the same rows with further terms, see `FURTHER`."""
+    independent = len(plain.rows.windows) / (LAG / 2)
+    return misfit(_lost(plain), independent) - misfit(_lost(more), independent)
+
+
 def _lost(fit: WindowFit) -> float:
     """Sum of the squared residuals."""
-    return max(float(np.sum(fit.fit.residuals**2)), TINY)
+    return float(np.sum(fit.fit.residuals**2))
 
 
 def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:

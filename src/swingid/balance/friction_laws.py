@@ -1,4 +1,4 @@
-"""Friction laws that the methods try, and any function of the speed as columns of the balance.
+"""Friction laws that the methods try, a law with its curve, and any function of the speed as columns of the balance.
 
 A law is F(v) = Σ c_k f_k(v) over its terms f_k. Stribeck's peak sgn v exp(−(v/vs)²) is the one term that has a
 parameter of its own, the Stribeck speed vs.
@@ -10,7 +10,7 @@ functions serves every f.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -21,15 +21,17 @@ from swingid.errors import UsageError
 from swingid.model import terms
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.test_functions import project_hats
+from swingid.result.data import FrictionCurve
 
-Law = Callable[[Array], Array]
-
-TERMS: dict[str, Law] = {
+TERMS: dict[str, Callable[[Array], Array]] = {
     name: term.of_speed
     for name, term in terms.TERMS.items()
     if name in terms.NAMED and term.power is not None and term.kind == terms.ONE
 }
 """The terms that are functions of the speed alone and have no parameter of their own."""
+
+SIDES = {"positive": 1.0, "negative": -1.0}
+"""Directions of motion of which a coefficient may be, as in coulomb_positive."""
 
 LAWS: dict[str, tuple[str, ...]] = {
     "viscous": ("viscous",),
@@ -60,6 +62,11 @@ nearly a sum of them, so no search for its speed is necessary beside the inertia
 EXACT = tuple(TERMS)
 """Terms with a column of their own."""
 
+CURVE_KNOTS = 7
+"""Speeds of a curve of friction, on each side of rest."""
+
+NO_CANDIDATES: Mapping[str, float] = {}
+
 COULOMB, OFFSET = EXACT.index("coulomb"), EXACT.index("offset")
 
 KNOTS = 28
@@ -78,10 +85,17 @@ def law_terms(name: str, code: str = "unknown-law") -> tuple[str, ...]:
 
 def law_columns(terms: tuple[str, ...], speeds: Array, stribeck_speed: float) -> Array:
     """Values of the terms at `speeds`, shape (speeds, terms)."""
-    terms_at = {name: term(speeds) for name, term in TERMS.items() if name in terms}
-    if "stribeck" in terms:
-        terms_at["stribeck"] = stribeck_peak(speeds, stribeck_speed)
-    return np.column_stack([terms_at[term] for term in terms])
+    return np.column_stack([_term_at(term, speeds, stribeck_speed) for term in terms])
+
+
+def _term_at(term: str, speeds: Array, stribeck_speed: float) -> Array:
+    """A term at `speeds`; that of one direction is 0 in the other."""
+    if term == "stribeck":
+        return stribeck_peak(speeds, stribeck_speed)
+    if term in TERMS:
+        return TERMS[term](speeds)
+    name, _, side = term.rpartition("_")
+    return np.where(speeds * SIDES[side] > 0, TERMS[name](speeds), 0.0)
 
 
 def stribeck_peak(speeds: Array, stribeck_speed: Array | float) -> Array:
@@ -127,6 +141,66 @@ def parameter_weights(terms: tuple[str, ...]) -> dict[str, Array]:
 
 
 @dataclass(frozen=True)
+class Law:
+    """A friction law: its terms and their coefficients (terms,); stribeck_speed: NaN in a law without Stribeck's peak.
+
+    A term may be that of one direction, as coulomb_positive.
+    """
+
+    name: str
+    terms: tuple[str, ...]
+    coefficients: Array
+    stribeck_speed: float
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """The terms and, where one of them is Stribeck's peak, its speed."""
+        return (*self.terms, "stribeck_speed") if "stribeck" in self.terms else self.terms
+
+    @property
+    def values(self) -> Array:
+        """Values of the unknowns."""
+        return np.append(self.coefficients, [self.stribeck_speed] if "stribeck" in self.terms else [])
+
+    @property
+    def peak(self) -> float:
+        """Height of Stribeck's peak, 0 without one."""
+        return float(self.coefficients[self.terms.index("stribeck")]) if "stribeck" in self.terms else 0.0
+
+    def torque(self, speeds: Array) -> Array:
+        """Friction torque (N m or N) at `speeds`."""
+        result: Array = law_columns(self.terms, speeds, self.stribeck_speed) @ self.coefficients
+        return result
+
+    def curve_at(
+        self,
+        speeds: Array,
+        covariance: Array,
+        candidates: Mapping[str, float] = NO_CANDIDATES,
+        beyond: Array | float = 0.0,
+        variance: Array | float = 0.0,
+    ) -> FrictionCurve:
+        """The law at `speeds` with its standard uncertainty by the covariance of its unknowns.
+
+        beyond: what the friction of the log is above the law, with the `variance` that is not the law's.
+        """
+        slopes = law_columns(self.terms, speeds, self.stribeck_speed)
+        torques = slopes @ self.coefficients
+        if "stribeck" in self.terms:
+            slopes = np.column_stack([slopes, self.peak * stribeck_slope(speeds, self.stribeck_speed)])
+        power = np.einsum("ij,jk,ik->i", slopes, covariance, slopes) + variance
+        spread = np.sqrt(np.maximum(power, 0.0))
+        return FrictionCurve(speeds, torques + beyond, spread, self.name, torques, dict(candidates))
+
+
+def curve_speeds(fastest: float, count: int = CURVE_KNOTS, *, rest: bool = True) -> Array:
+    """Speeds of a curve of friction, `count` on each side, denser near rest; rest: also one on each side of it."""
+    side = speed_knots(fastest, count)[count + 1 :]
+    side = np.append(1e-6 * fastest, side) if rest else side
+    return np.concatenate([-side[::-1], side])
+
+
+@dataclass(frozen=True)
 class FrictionRows:
     """Rows and the friction columns: those of the terms in EXACT, then the hat functions on `knots`.
 
@@ -134,7 +208,6 @@ class FrictionRows:
     """
 
     rows: Rows
-    fastest: float
     knots: Array
     columns: Array
 
@@ -145,7 +218,7 @@ class FrictionRows:
         columns = [rows[name] for name in EXACT]
         if hats:
             columns.append(_hats(signals, rows.windows, knots))
-        return cls(rows, signals.fastest, knots, np.column_stack(columns))
+        return cls(rows, knots, np.column_stack(columns))
 
     def law(self, terms: tuple[str, ...], stribeck_speed: float) -> Array:
         """Weights on `columns` that give the columns of a law's terms, shape (columns, terms)."""
@@ -157,20 +230,12 @@ class FrictionRows:
                 weights[:, k] = peak_weights(self.knots, np.array([stribeck_speed]))[0]
         return weights
 
-    def stribeck_slope(self, stribeck_speed: float) -> Array:
-        """Weights of the derivative of Stribeck's peak by its speed."""
-        return slope_weights(self.knots, stribeck_speed)
-
-    def function(self, values: Array, above: float, below: float) -> Array:
-        """Weights of a function with `values` at the knots and the limits `above` and `below` rest."""
-        return _function_weights(self.knots, values, above, below)
-
 
 def with_near_rest(signals: Signals, rows: Rows) -> Rows:
     """Rows of "law" windows, of one length, with the columns of `NEAR_REST`."""
     friction = FrictionRows.of(signals, rows)
     peaks = {
-        name: friction.columns @ friction.law(("stribeck",), share * friction.fastest)[:, 0]
+        name: friction.columns @ friction.law(("stribeck",), share * signals.fastest)[:, 0]
         for name, share in NEAR_REST.items()
     }
     return rows.beside(peaks)
@@ -184,16 +249,16 @@ def places_of(terms: tuple[str, ...]) -> Ints:
 
 def peak_weights(knots: Array, stribeck_speeds: Array) -> Array:
     """Weights on `FrictionRows.columns` that give Stribeck's peak for each of the speeds, (speeds, columns)."""
-    return _function_weights(knots, _smooth(knots, stribeck_peak(knots, stribeck_speeds[:, None])), 1.0, -1.0)
+    return function_weights(knots, _smooth(knots, stribeck_peak(knots, stribeck_speeds[:, None])), 1.0, -1.0)
 
 
 def slope_weights(knots: Array, stribeck_speed: float) -> Array:
-    """As `FrictionRows.stribeck_slope`."""
-    return _function_weights(knots, _smooth(knots, stribeck_slope(knots, stribeck_speed)), 0.0, 0.0)
+    """Weights of the derivative of Stribeck's peak by its speed, (columns,)."""
+    return function_weights(knots, _smooth(knots, stribeck_slope(knots, stribeck_speed)), 0.0, 0.0)
 
 
-def _function_weights(knots: Array, values: Array, above: float, below: float) -> Array:
-    """As `FrictionRows.function`, of functions with these values (..., knots)."""
+def function_weights(knots: Array, values: Array, above: float, below: float) -> Array:
+    """Weights of functions with these values (..., knots) at the knots and the limits `above` and `below` rest."""
     jump, mean = (above - below) / 2, (above + below) / 2
     weights = np.zeros((*values.shape[:-1], len(EXACT) + len(knots)))
     weights[..., COULOMB], weights[..., OFFSET] = jump, mean

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -14,76 +14,119 @@ from swingid.balance.friction_laws import (
     EXACT,
     LAWS,
     STRIBECK_SHARES,
-    FrictionRows,
+    Law,
     law_terms,
     peak_weights,
     places_of,
     slope_weights,
 )
-from swingid.numerics.arrays import Array, Bools, median
+from swingid.numerics.arrays import Array, Bools, Ints, median
 from swingid.numerics.regression import gram
 from swingid.preparation.motion import Motion
+from swingid.uncertainty.significance import bayesian
+
+CANDIDATES = tuple(odd + direction for odd in LAWS for direction in DIRECTIONS)
+"""All laws."""
+
+DIRECTED = tuple(odd + list(DIRECTIONS)[-1] for odd, terms in LAWS.items() if "stribeck" not in terms)
+"""Laws without a peak, with all terms of the direction: where only the odd part of the friction is used."""
 
 ROUNDING = 1e-10
 """Share of the power of the known side below which a residual is that of the arithmetic, not of a law."""
 
+RIDGE, RESOLVED = 1e-13, 1e-15
+"""What is added to scaled normal equations, and the share of a power that its rounding is: less is not resolved."""
+
+STEPS, CLOSE = 5, 1e-3
+"""Most steps of the search for a Stribeck speed, and the relative step that ends it."""
+
+FINER = 4
+"""Grids of Stribeck speeds for a law that is given."""
 
 MOST_SIDES = 8
 """Torques of a law that must not be negative, at most, see `_sides`."""
 
+Criterion = Callable[[float, int, float], float]
+
 
 @dataclass(frozen=True)
 class Trial:
-    """A law tried: its terms, Stribeck speed (nan without), coefficients, and criterion (lower is better)."""
+    """A law fitted beside the body: sum of squared residuals, and the values of all columns, 0 of those it lacks.
 
-    terms: tuple[str, ...]
-    stribeck_speed: float
-    values: Array
-    score: float
-
-
-class LawChoice:
-    """All laws on the Gram matrix of [body | friction columns | known side]; `trials` by name.
-
-    slowest: Stribeck speed below which a peak is not identifiable; by default no law with a peak is tried. odd_only:
-    only the odd part is used, so every law has all terms of the direction.
-    The dependence on the direction is chosen among the laws without Stribeck's peak, which does not affect it.
+    variance: of the first of these, by residuals that are white.
     """
 
-    def __init__(
-        self, friction: FrictionRows, body: Array, target: Array, slowest: float = np.inf, *, odd_only: bool = False
-    ) -> None:
-        self.friction, self.body = friction, body.shape[1]
-        self.gram = gram(np.ascontiguousarray(np.column_stack([body, friction.columns, target]).T))
-        self.independent = len(target) / (LAG / 2)
-        self.trials: dict[str, Trial] = {}
-        self.stribeck_speeds = np.empty(0)
-        peaks = [odd for odd, terms in LAWS.items() if "stribeck" in terms]
-        directions = list(DIRECTIONS)[-1:] if odd_only else list(DIRECTIONS)
-        self._attempt_exact([odd + direction for odd in LAWS if odd not in peaks for direction in directions])
-        if slowest < STRIBECK_SHARES[-1] * friction.fastest:
-            least = max(STRIBECK_SHARES[0], slowest / friction.fastest)
-            self.stribeck_speeds = friction.fastest * np.geomspace(least, STRIBECK_SHARES[-1], len(STRIBECK_SHARES))
-            direction = "".join(self.best.partition(",")[1:])
-            for odd in peaks:
-                self._attempt_peak(odd + direction)
+    law: Law
+    lost: float
+    values: Array
+    variance: float
 
-    @property
-    def best(self) -> str:
-        """Name of the law of the least criterion."""
-        return min(self.trials, key=lambda name: self.trials[name].score)
 
-    @property
-    def scores(self) -> dict[str, float]:
-        """Criterion of every law above the best."""
-        least = self.trials[self.best].score
-        # of exact fits the least is minus infinity
-        return {name: trial.score - least if trial.score > least else 0.0 for name, trial in self.trials.items()}
+@dataclass(frozen=True)
+class LawChoice:
+    """Laws on the Gram matrix of [body | friction columns | known side], of so many independent rows.
 
-    @property
-    def weights(self) -> dict[str, float]:
-        """Posterior probability of each law by its criterion; they sum to 1."""
-        likely = {name: float(np.exp(-score / 2)) for name, score in self.scores.items()}
+    The friction columns are those of EXACT, then either hat functions of the speed on `knots`, with which the speed of
+    Stribeck's peak is sought, or a peak for each of the speeds `peaks`. A law is rejected where a torque is negative by
+    more than `level` standard uncertainties, in either direction or, not sided, in one; but for the law `kept`. The
+    dependence on the direction is chosen among the laws without a peak whose speed is sought, which does not affect it.
+
+    slowest: Stribeck speed below which a peak is not identifiable; by default none is sought. origin (columns,): for a
+    model that is not linear, the values about which it is linearised; the known side is what they leave.
+    """
+
+    gram: Array
+    body: int
+    independent: float
+    names: tuple[str, ...] = CANDIDATES
+    kept: str = CANDIDATES[0]
+    knots: Array = field(default_factory=lambda: np.empty(0))
+    slowest: float = np.inf
+    peaks: Array = field(default_factory=lambda: np.empty(0))
+    origin: Array | None = None
+    level: float = 1.0
+    sided: bool = True
+
+    @classmethod
+    def of(cls, body: Array, friction: Array, target: Array, knots: Array, slowest: float = np.inf) -> LawChoice:
+        """Of rows: columns of the body (rows, body) and of friction (rows, terms of EXACT and knots), known side."""
+        products = gram(np.ascontiguousarray(np.column_stack([body, friction, target]).T))
+        return cls(products, body.shape[1], len(target) / (LAG / 2), knots=knots, slowest=slowest)
+
+    def only(self, name: str) -> LawChoice:
+        """The same with one law alone, whether it dissipates or not, its Stribeck speed as it comes out."""
+        return replace(self, names=(name,), kept=name, slowest=0.0)
+
+    @cached_property
+    def trials(self) -> dict[str, Trial]:
+        """The laws that were not rejected, by name."""
+        found = self._tried()
+        if len(self.knots) and self.slowest < STRIBECK_SHARES[-1] * self.knots[-1]:
+            scores = self._criteria(found, bayesian)
+            direction = min(scores, key=lambda name: scores[name]).partition(",")[2] if found else None
+            for name in (name for name in self.names if "stribeck" in law_terms(name)):
+                if direction in (None, name.partition(",")[2]):
+                    sought = self._on_finer_grids(name) if name == self.kept else self._likeliest_speed(name, found)
+                    speed = np.array([sought])
+                    products = self._with(peak_weights(self.knots, speed), range(self.body + len(EXACT)))
+                    found |= replace(self, gram=products, names=(name,), peaks=speed)._tried()
+        return found
+
+    @cached_property
+    def best(self) -> Trial:
+        """The law of the least criterion."""
+        scores = self.scores()
+        return self.trials[min(scores, key=lambda name: scores[name])]
+
+    def scores(self, criterion: Criterion = bayesian) -> dict[str, float]:
+        """Criterion of every law above the least."""
+        scores = self._criteria(self.trials, criterion)
+        least = min(scores.values())
+        return {name: score - least for name, score in scores.items()}
+
+    def weights(self, criterion: Criterion = bayesian) -> dict[str, float]:
+        """Probability of every law by its criterion; they sum to 1."""
+        likely = {name: float(np.exp(-score / 2)) for name, score in self.scores(criterion).items()}
         total = sum(likely.values())
         return {name: value / total for name, value in likely.items()}
 
@@ -93,53 +136,89 @@ class LawChoice:
         more: weights of the further columns. Returns the sum of squared residuals, and the products of the further
         columns, with law and body projected out, with each other and with the residuals.
         """
-        body = np.eye(self.body, self.body + len(weights))
-        law = np.vstack([np.hstack([np.zeros((weights.shape[1], self.body)), weights.T]), body])
-        others = np.hstack([np.zeros((more.shape[1], self.body)), more.T])
-        inner, right, power = self.gram[:-1, :-1], self.gram[:-1, -1], float(self.gram[-1, -1])
-        fitted = law @ inner
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(fitted @ law.T), 1e-300))
-        scaled = (fitted @ law.T) * np.outer(scale, scale) + 1e-13 * np.eye(len(scale))
-        mixed = fitted @ others.T
-        taken = np.linalg.solve(scaled, scale[:, None] * np.column_stack([mixed, law @ right])) * scale[:, None]
-        left = max(power - float(taken[:, -1] @ (law @ right)), 1e-15 * power, 1e-300)
-        shared: Array = others @ right - mixed.T @ taken[:, -1]
-        return left, others @ inner @ others.T - mixed.T @ taken[:, :-1], shared
+        matrix, size = self._with(np.hstack([weights, more]).T, range(self.body)), self.body + weights.shape[1]
+        fitted, mixed = matrix[:size, :size], matrix[:size, size:]
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(fitted), 1e-300))
+        scaled = fitted * np.outer(scale, scale) + RIDGE * np.eye(size)
+        taken = np.linalg.solve(scaled, scale[:, None] * mixed) * scale[:, None]
+        rest = matrix[size:, size:] - mixed.T @ taken
+        return max(float(rest[-1, -1]), RESOLVED * float(matrix[-1, -1]), 1e-300), rest[:-1, :-1], rest[:-1, -1]
 
-    def _attempt_exact(self, names: list[str]) -> None:
-        """Try the laws without Stribeck's peak, whose terms have columns of their own, all at once."""
-        laws, size = tuple(law_terms(name) for name in names), self.body + len(EXACT)
-        at = [*range(size), len(self.gram) - 1]
-        used, sides = np.ones((len(laws), size), dtype=bool), np.zeros((len(laws), MOST_SIDES, size))
-        used[:, self.body :], sides[:, :, self.body :] = _in_exact(laws)
-        matrix = self.gram[at][:, at]
-        lost, values, inverse = _solved(np.broadcast_to(matrix, (len(laws), *matrix.shape)), used)
+    def _criteria(self, trials: dict[str, Trial], criterion: Criterion) -> dict[str, float]:
+        return {name: criterion(one.lost, len(one.law.unknowns), self.independent) for name, one in trials.items()}
+
+    def _tried(self) -> dict[str, Trial]:
+        """The laws whose terms have columns, all at once; of several peaks that of the least residuals."""
+        laws, used, sides = _layout(self.names, self.body, len(self.peaks), self.sided)
+        at = [*range(used.shape[1]), len(self.gram) - 1]
+        lost, values, inverse = _solved(self.gram[at][:, at], used, self.origin)
         lost = np.maximum(lost, ROUNDING * float(self.gram[-1, -1]))
-        kept = _none_below(sides, values, inverse, lost / self.independent)
-        for k, (name, terms) in enumerate(zip(names, laws, strict=True)):
-            if kept[k] or not self.trials:
-                self._keep(name, np.nan, float(lost[k]), values[k, self.body + places_of(terms)])
+        variance = lost / self.independent
+        dissipates = _none_below(sides, values, inverse, variance, self.level)
+        found: dict[str, Trial] = {}
+        for k, (name, peak, places) in enumerate(laws):
+            if (dissipates[k] or name == self.kept) and (name not in found or lost[k] < found[name].lost):
+                law = Law(name, law_terms(name), values[k, places], np.nan if peak < 0 else float(self.peaks[peak]))
+                found[name] = Trial(law, float(lost[k]), values[k], float(inverse[k, 0, 0] * variance[k]))
+        return found
 
-    def _attempt_peak(self, name: str) -> None:
-        """Try a law with Stribeck's peak at its likeliest speed."""
-        terms = law_terms(name)
-        # another law with a peak has found about the same speed
-        found = [trial.stribeck_speed for trial in self.trials.values() if "stribeck" in trial.terms]
-        law = _PeakLaw(self.gram, self.body, terms, self.friction.knots)
-        starts = np.array(found) if found else self.stribeck_speeds
-        speed, lost, values, inverse = law.likeliest(starts, self.stribeck_speeds)
-        lost, own = max(lost, ROUNDING * float(self.gram[-1, -1])), law.order
-        sides = np.zeros((1, MOST_SIDES, len(values)))
-        sides[0, : len(_sides(terms)), own] = _sides(terms).T
-        if not self.trials or _none_below(sides, values[None], inverse[None], np.array([lost / self.independent]))[0]:
-            self._keep(name, speed, lost, values[own])
+    def _likeliest_speed(self, name: str, others: dict[str, Trial]) -> float:
+        """The likeliest speed of a peak: the best of a grid, then by Gauss–Newton while better and within the grid.
 
-    def _keep(self, name: str, speed: float, lost: float, values: Array) -> None:
-        """Keep a law with its criterion."""
-        terms = law_terms(name)
-        count = len(terms) + ("stribeck" in terms)
-        score = self.independent * math.log(lost) + count * math.log(self.independent)
-        self.trials[name] = Trial(terms, speed, values, score)
+        Another law with a peak has found about the same speed, and that is where it begins.
+        """
+        fastest = float(self.knots[-1])
+        least = max(STRIBECK_SHARES[0], self.slowest / fastest)
+        grid = fastest * np.geomspace(least, STRIBECK_SHARES[-1], len(STRIBECK_SHARES))
+        found = [one.law.stribeck_speed for one in others.values() if one.law.peak]
+        starts = np.array(found) if found else grid
+        lost, heights = self._with_peak(name, peak_weights(self.knots, starts), np.eye(len(starts)))
+        best = int(np.argmin(lost))
+        speed, smallest, height = float(starts[best]), float(lost[best]), float(heights[best, best])
+        for _ in range(STEPS):
+            peak = peak_weights(self.knots, np.array([speed]))[0]
+            both = np.stack([peak, slope_weights(self.knots, speed) * height])
+            step = float(self._with_peak(name, both, np.ones((1, 2)))[1][0, 1])
+            step = min(max(step, -0.4 * speed), 0.6 * speed)
+            lost, heights = self._with_peak(name, peak_weights(self.knots, np.array([speed + step])), np.ones((1, 1)))
+            if not lost[0] < smallest or not grid[0] <= speed + step <= grid[-1]:
+                break
+            small = abs(step) < CLOSE * speed
+            speed, smallest, height = speed + step, float(lost[0]), float(heights[0, 0])
+            if small:
+                break
+        return speed
+
+    def _on_finer_grids(self, name: str) -> float:
+        """The likeliest speed of a peak by grids, each between the neighbours of the best of the one before."""
+        speeds, best, least = self.knots[-1] * STRIBECK_SHARES, np.nan, np.inf
+        for _ in range(FINER):
+            lost, _ = self._with_peak(name, peak_weights(self.knots, speeds), np.eye(len(speeds)))
+            if np.min(lost) < least:
+                best, least = float(speeds[np.argmin(lost)]), float(np.min(lost))
+            ratio = speeds[-1] / speeds[-2]
+            speeds = best * np.geomspace(1 / ratio, ratio, len(speeds))
+        return best
+
+    def _with_peak(self, name: str, weights: Array, used: Array) -> tuple[Array, Array]:
+        """Squared residuals (fits,) of a law with columns of these weights (columns, …) in the place of its peak.
+
+        used (fits, columns): which of them each fit has. Also their coefficients (fits, columns).
+        """
+        own = [self.body + place for place in places_of(law_terms(name)) if place >= 0]
+        matrix = self._with(weights, [*range(self.body), *own])
+        columns = np.ones((len(used), len(matrix) - 1), dtype=bool)
+        columns[:, -len(weights) :] = used
+        lost, values, _ = _solved(matrix, columns)
+        return lost, values[:, -len(weights) :]
+
+    def _with(self, weights: Array, kept: Sequence[int]) -> Array:
+        """The Gram matrix of some columns, further ones of these weights (…, friction columns), and the known side."""
+        blend = np.zeros((len(kept) + len(weights) + 1, len(self.gram)))
+        blend[range(len(kept)), kept] = 1.0
+        blend[len(kept) : -1, self.body : -1], blend[-1, -1] = weights, 1.0
+        result: Array = blend @ self.gram @ blend.T
+        return result
 
 
 def slowest_peak(motion: Motion, noise: float) -> float:
@@ -151,107 +230,70 @@ def slowest_peak(motion: Motion, noise: float) -> float:
     return float(np.sqrt(acceleration * noise))
 
 
-class _PeakLaw:
-    """A law with Stribeck's peak on the Gram matrix: [peak | other terms | body | known side] of its columns.
+def _solved(matrix: Array, used: Bools, origin: Array | None = None) -> tuple[Array, Array, Array]:
+    """Least squares for the `used` columns (fits, n) of a Gram matrix of [columns | known side], all at once.
 
-    order: places of the terms, in their order, among these.
+    origin (n,): values at which the known side is what is left. Returns the squared residuals (fits,), the values
+    (fits, n), 0 of columns that are not used, and what scales their covariance (fits, n, n).
     """
-
-    def __init__(self, matrix: Array, body: int, terms: tuple[str, ...], knots: Array) -> None:
-        others = [body + place for place in places_of(terms) if place >= 0]
-        self.at = [*others, *range(body), len(matrix) - 1]
-        self.friction = slice(body, len(matrix) - 1)
-        self.matrix, self.knots = matrix, knots
-        self.shared = matrix[self.at][:, self.at]
-        following = iter(range(1, len(terms)))
-        self.order = [0 if term == "stribeck" else next(following) for term in terms]
-
-    def peaks(self, speeds: Array) -> Array:
-        """Weights of the peak on the friction columns for each Stribeck speed, (speeds, 1, columns)."""
-        return peak_weights(self.knots, speeds)[:, None]
-
-    def fitted(self, weights: Array) -> tuple[Array, Array, Array]:
-        """Squared residuals, coefficients and inverses with the first columns these blends (laws, blends, columns)."""
-        laws, blends, _ = weights.shape
-        blended = weights @ self.matrix[self.friction]
-        size = blends + len(self.at)
-        matrix = np.empty((laws, size, size))
-        matrix[:, :blends, :blends] = blended[..., self.friction] @ weights.transpose(0, 2, 1)
-        matrix[:, :blends, blends:] = blended[..., self.at]
-        matrix[:, blends:, :blends] = blended[..., self.at].transpose(0, 2, 1)
-        matrix[:, blends:, blends:] = self.shared
-        return _solved(matrix, np.ones((laws, size - 1), dtype=bool))
-
-    def likeliest(self, starts: Array, speeds: Array) -> tuple[float, float, Array, Array]:
-        """The likeliest Stribeck speed: the best of `starts`, then Gauss–Newton while better and within `speeds`.
-
-        With it its squared residuals, coefficients and inverse.
-        """
-        lost, found, inverse = self.fitted(self.peaks(starts))
-        best = int(np.argmin(lost))
-        result = float(starts[best]), float(lost[best]), found[best], inverse[best]
-        for _ in range(5):
-            speed, least, values, _ = result
-            both = np.stack([self.peaks(np.array([speed]))[0, 0], slope_weights(self.knots, speed) * values[0]])
-            step = float(self.fitted(both[None])[1][0, 1])
-            step = min(max(step, -0.4 * speed), 0.6 * speed)
-            lost, found, inverse = self.fitted(self.peaks(np.array([speed + step])))
-            if not lost[0] < least or not speeds[0] <= speed + step <= speeds[-1]:
-                break
-            result = speed + step, float(lost[0]), found[0], inverse[0]
-            if abs(step) < 1e-3 * speed:
-                break
-        return result
-
-
-def _solved(matrix: Array, used: Bools) -> tuple[Array, Array, Array]:
-    """Least squares for the `used` columns of Gram matrices of [columns | known side], all at once.
-
-    matrix (laws, n + 1, n + 1), used (laws, n). Returns the squared residuals (laws,), the coefficients (laws, n), 0 of
-    those not used, and what scales their covariance (laws, n, n).
-    """
-    inner, right, power = matrix[:, :-1, :-1], matrix[:, :-1, -1], matrix[:, -1, -1]
-    scale = used / np.sqrt(np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300))
+    inner, right, power = matrix[:-1, :-1], matrix[None, :-1, -1], matrix[-1, -1]
+    if origin is not None:
+        # what the columns contribute that a fit does not have
+        lacking = np.column_stack([np.where(used, 0.0, origin), np.ones(len(used))])
+        right, power = lacking @ matrix[:, :-1], ((lacking @ matrix) * lacking).sum(axis=1)
+    scale = used / np.sqrt(np.maximum(np.diagonal(inner), 1e-300))
     both = scale[:, :, None] * scale[:, None, :]
-    places = np.arange(inner.shape[1])
-    scaled = inner * both
-    scaled[:, places, places] += np.where(used, 1e-13, 1.0)
+    scaled, places = inner * both, np.arange(len(inner))
+    scaled[:, places, places] += np.where(used, RIDGE, 1.0)
     inverse = np.linalg.inv(scaled) * both
     values = (inverse @ right[:, :, None])[:, :, 0]
-    # less than the rounding of the power is not resolved
-    lost = np.maximum(np.maximum(power - np.einsum("ij,ij->i", values, right), 1e-15 * power), 1e-300)
-    return lost, values, inverse
+    lost = np.maximum(np.maximum(power - (values * right).sum(axis=1), RESOLVED * power), 1e-300)
+    return lost, values if origin is None else values + np.where(used, origin, 0.0), inverse
 
 
-def _none_below(sides: Array, values: Array, inverse: Array, variance: Array) -> Bools:
-    """Which laws dissipate: no torque of `sides` (laws, n, columns) is negative beyond its standard uncertainty.
+def _none_below(sides: Array, values: Array, inverse: Array, variance: Array, level: float) -> Bools:
+    """Which laws dissipate: no torque of `sides` (laws, n, columns) is below −`level` standard uncertainties.
 
     values (laws, columns), of covariance inverse · variance (laws,). Rows of zeros in `sides` do not count.
     """
     powers = ((sides @ inverse) * sides).sum(axis=2) * variance[:, None]
     torques = (sides @ values[:, :, None])[:, :, 0]
-    result: Bools = ((torques > -np.sqrt(np.maximum(powers, 0.0))) | ~sides.any(axis=2)).all(axis=1)
+    result: Bools = ((torques > -level * np.sqrt(np.maximum(powers, 0.0))) | ~sides.any(axis=2)).all(axis=1)
     return result
 
 
 @cache
-def _in_exact(laws: tuple[tuple[str, ...], ...]) -> tuple[Bools, Array]:
-    """Which columns of EXACT each law has (laws, columns), and `_sides` in these (laws, MOST_SIDES, columns)."""
-    used, sides = np.zeros((len(laws), len(EXACT)), dtype=bool), np.zeros((len(laws), MOST_SIDES, len(EXACT)))
-    for k, terms in enumerate(laws):
-        used[k, places_of(terms)] = True
-        sides[k, : len(_sides(terms)), places_of(terms)] = _sides(terms).T
-    return used, sides
+def _layout(
+    names: tuple[str, ...], body: int, peaks: int, sided: bool
+) -> tuple[list[tuple[str, int, Ints]], Bools, Array]:
+    """The laws with columns [body | EXACT | peaks]: name, which peak or −1, and places of the terms, for each.
+
+    Also which columns each has (laws, columns), and `_sides` in these (laws, MOST_SIDES, columns).
+    """
+    laws = [(name, -1) for name in names if "stribeck" not in law_terms(name)]
+    laws += [(name, k) for name in names if "stribeck" in law_terms(name) for k in range(peaks)]
+    used = np.zeros((len(laws), body + len(EXACT) + peaks), dtype=bool)
+    sides, found = np.zeros((len(laws), MOST_SIDES, used.shape[1])), []
+    for k, (name, peak) in enumerate(laws):
+        places = places_of(law_terms(name))
+        places = body + np.where(places < 0, len(EXACT) + peak, places)
+        own = _sides(law_terms(name), sided)
+        used[k, :body], used[k, places], sides[k, : len(own), places] = True, True, own.T
+        found.append((name, peak, places))
+    return found, used, sides
 
 
-@cache
-def _sides(terms: tuple[str, ...]) -> Array:
-    """Weights of the coefficients of a law in either direction."""
+def _sides(terms: tuple[str, ...], sided: bool) -> Array:
+    """Weights of the coefficients of a law in either direction; not sided: in that of falling angles alone."""
     unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
-    sides = [unit[term] for term in terms if term not in ("offset", "viscous_even")]
-    if "viscous_even" in unit:
+    odd = [term for term in terms if term not in ("offset", "viscous_even")]
+    sides = [unit[term] for term in odd]
+    if not sided and "viscous_even" in unit:
+        even = {"coulomb": unit["offset"], "viscous": unit["viscous_even"]}
+        return np.array([unit[term] - even.get(term, 0.0) for term in odd])
+    if sided and "viscous_even" in unit:
         viscous, even = unit.get("viscous", np.zeros(len(terms))), unit["viscous_even"]
         sides += [viscous + even, viscous - even]
-    if "offset" in unit and "coulomb" in unit:
+    if sided and "offset" in unit and "coulomb" in unit:
         sides += [unit["coulomb"] + unit["offset"], unit["coulomb"] - unit["offset"]]
     return np.array(sides)

@@ -22,15 +22,12 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project, project_steps
 from swingid.result.data import Changing
-from swingid.uncertainty.significance import CERTAIN, INDICATED, normal_of_ratio
+from swingid.uncertainty.significance import CERTAIN, DECISIVE, INDICATED, bayesian, normal_of_ratio
 
 SlowKind = Literal["friction", "zero"]
 
 ORDERS: dict[SlowKind, int] = {"friction": 2, "zero": 3}
 """Highest polynomial of the time: a bearing warms once, a zero wanders."""
-
-DECISIVE = 10.0
-"""Difference of the Bayesian criterion that is decisive (Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773)."""
 
 CHANGING = ("coulomb", "viscous")
 """Terms of friction whose coefficients may change."""
@@ -190,13 +187,14 @@ def slow_kinds(fit: WindowFit, signals: Signals, others: Iterable[Array]) -> tup
     if not found:
         return ()
     rows, causes = len(fit.rows), [columns for columns in others if columns.shape[1]]
+    independent = rows / (LAG / 2)
     left = [(float(np.sum(residuals_beside(fit, columns) ** 2)), columns.shape[1]) for columns in causes]
     left.append((rows * left_by_place(fit, signals, np.zeros((rows, 0))), 1))
-    best = min(_score(power, count, rows) for power, count in left)
+    best = min(bayesian(power, count, independent) for power, count in left)
     return tuple(
         test.kind
         for test in found
-        if _score(float(test.left @ test.left), len(names_of(test.kind)), rows) < best + DECISIVE
+        if bayesian(float(test.left @ test.left), len(names_of(test.kind)), independent) < best + DECISIVE
         and _survives(fit, signals, test.kind, causes)
     )
 
@@ -210,12 +208,6 @@ def _survives(fit: WindowFit, signals: Signals, kind: SlowKind, causes: Iterable
         if not _tested(fit, kind, columns, freedom, beside).significance > CERTAIN:
             return False
     return True
-
-
-def _score(power: float, count: int, rows: int) -> float:
-    """Bayesian information criterion of `count` unknowns that leave this sum of squares."""
-    independent = rows / (LAG / 2)
-    return independent * float(np.log(max(power, 1e-300))) + count * float(np.log(independent))
 
 
 @dataclass(frozen=True)

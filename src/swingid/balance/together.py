@@ -14,16 +14,9 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from swingid.balance.choice import FLAT, FURTHER
+from swingid.balance.choice import FLAT, FURTHER, gain
 from swingid.balance.errors import channel_errors, constant_error
-from swingid.balance.fits import (
-    BASIS,
-    LAG,
-    Effect,
-    WindowFit,
-    fit_rows,
-    with_fitted,
-)
+from swingid.balance.fits import BASIS, Effect, WindowFit, fit_rows, with_fitted
 from swingid.balance.motor_on_axis import is_open, volts, with_motor
 from swingid.balance.perturbations import RowError, of_channels, of_constants
 from swingid.balance.rows import Rows, Signals, Windows, rows_of
@@ -265,16 +258,10 @@ def _with_cubic(tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
     """The fits with a cubic term of friction where the best of them shows one, by the level of `balance.choice`."""
     plain = min(tried.values(), key=lambda fit: fit.relative(fit.u))
     more = fit_rows(plain.rows, plain.equation, plain.noise, (*plain.friction, "cubic"))
-    independent = len(plain.rows.windows) / (LAG / 2)
-    if more is None or not _gain(plain, more, independent) > FURTHER["cubic",]:
+    if more is None or not gain(plain, more) > FURTHER["cubic",]:
         return tried
     fits = {half: fit_rows(one.rows, one.equation, one.noise, (*one.friction, "cubic")) for half, one in tried.items()}
     return {half: replace(fit, half=half) for half, fit in fits.items() if fit is not None}
-
-
-def _gain(plain: WindowFit, more: WindowFit, independent: float) -> float:
-    lost = [max(float(np.sum(fit.fit.residuals**2)), 1e-300) for fit in (plain, more)]
-    return independent * float(np.log(lost[0] / lost[1]))
 
 
 def _declared(fit: WindowFit, runs: Sequence[Run]) -> WindowFit:

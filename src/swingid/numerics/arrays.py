@@ -25,6 +25,11 @@ def median(values: Array) -> float:
     return high if len(values) % 2 else (float(parted[:middle].max()) + high) / 2
 
 
+def robust_spread(values: Array) -> float:
+    """Standard deviation by the median distance from the median, which few outliers do not change; 0 of no value."""
+    return 1.4826 * median(np.abs(values - median(values))) if len(values) else 0.0
+
+
 def quantile(values: Array, share: float) -> float:
     """As `np.quantile`: between two ranks by a straight line; NaN of no value."""
     if len(values) == 0:

@@ -12,6 +12,7 @@ import numpy as np
 from swingid.checks.ran import CHECKS
 from swingid.checks.stability import DIVIDED
 from swingid.format import interval, number, percent, plus_minus, span
+from swingid.numerics.arrays import robust_spread
 from swingid.report.words import DRIVES, EXTRA, METHODS, NOT_USED, RIG, SENSORS, Word, parameter_word
 from swingid.result.result import Result
 from swingid.result.summary import (
@@ -59,7 +60,7 @@ def swings_off(result: Result) -> str:
         return ""
     answer, (low, high) = result.main.value, result.main.interval95
     middle = float(np.median(swings.values))
-    scatter = 1.4826 * float(np.median(np.abs(swings.values - middle)))
+    scatter = robust_spread(swings.values)
     if not abs(middle - answer) > (high - low) / 2 + 3 * scatter / math.sqrt(len(swings.values)):
         return ""
     window = result.details.window if result.details else None

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from swingid.errors import UnanswerableError
-from swingid.numerics.arrays import Array
+from swingid.numerics.arrays import Array, robust_spread
 from swingid.recording.findings import Kind
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 
@@ -36,6 +36,11 @@ class SwingSeries:
     sides: Array
     values: Array
     uncertainties: Array
+
+    @classmethod
+    def of(cls, times: Array, sides: Array, values: Array, expected: Array | float = 0.0) -> SwingSeries:
+        """With the spread of the values as the uncertainty of each, or what is expected of it where that is more."""
+        return cls(times, sides, values, np.maximum(np.full(len(values), expected), robust_spread(values)))
 
 
 @dataclass(frozen=True)

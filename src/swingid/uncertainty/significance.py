@@ -32,6 +32,9 @@ CERTAIN_RATIO = 10.0
 FAMILY = 0.01
 """Probability of any false finding in a family of tests, whatever their number (Bonferroni)."""
 
+DECISIVE = 10.0
+"""Difference of the Bayesian criterion that is decisive (Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773)."""
+
 MATTERS = 2.0
 """A finding matters where it changes the estimate by more than this many of its standard uncertainties."""
 
@@ -39,6 +42,31 @@ BETTER = 0.85
 """Root mean square of the residuals with further unknowns, over that without, below which these explain a lack of fit.
 
 Unknowns without effect reduce the power by one part each: of 14 independent rows, four of them."""
+
+
+LEAST_POWER = 1e-300
+"""Least sum of squares, whose logarithm is finite."""
+
+
+def misfit(power: float, independent: float) -> float:
+    """−2 ln of the likelihood of residuals with this sum of squares, of so many independent rows, less a constant.
+
+    The variance of the rows is unknown. Of two models, one in the other, the fall is χ² of the further unknowns.
+    """
+    return independent * math.log(max(power, LEAST_POWER))
+
+
+def bayesian(power: float, unknowns: int, independent: float) -> float:
+    """Bayesian information criterion (Schwarz 1978) of so many unknowns that leave this sum of squares; less is better.
+
+    exp(−c/2) is proportional to the probability of the model.
+    """
+    return misfit(power, independent) + unknowns * math.log(independent)
+
+
+def akaike(power: float, unknowns: int, independent: float) -> float:
+    """Akaike's information criterion, which does not favour smaller models (Burnham and Anderson 2002)."""
+    return misfit(power, independent) + 2.0 * unknowns
 
 
 def family_level(tests: int) -> float:

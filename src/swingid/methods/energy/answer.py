@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.friction_laws import TERMS, law_columns
+from swingid.balance.friction_laws import TERMS, Law, curve_speeds
 from swingid.balance.perturbations import propagated
 from swingid.methods.energy.balance import Course, States
 from swingid.methods.energy.chain import Chain
@@ -15,7 +15,7 @@ from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
-from swingid.numerics.arrays import Array, median
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import NEIGHBOURS
 from swingid.preparation.prepared import Part
 from swingid.result.result import Details, FrictionCurve, Message, SwingSeries
@@ -24,7 +24,7 @@ from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.freedom import scatter_freedom
 from swingid.uncertainty.significance import INDICATED_PAIR
 
-CURVE_KNOTS = 8
+LAW = "coulomb + viscous + quadratic, direction-dependent"
 
 LEAST_EVEN = 0.02
 """Least ratio of even to odd friction for coefficients by direction."""
@@ -152,22 +152,13 @@ def _per_swing(estimate: EnergyEstimate, rig: Rig, equation: Equation) -> SwingS
         left = states.known(rig, equation) - sum(fit.value(name) * columns[name] for name in fit.unknowns[1:])
         energy, speed = (within_blocks(x).reshape(blocks, -1) for x in (left, columns["inertia"]))
         values = (energy * speed).sum(axis=1) / (speed * speed).sum(axis=1)
-    spread = 1.4826 * median(np.abs(values - median(values)))
-    expected = np.sqrt(estimate.sensor * blocks)
-    return SwingSeries(
-        estimate.turning, estimate.sides, values - equation.carried, np.full(blocks, max(spread, expected))
-    )
+    expected = float(np.sqrt(estimate.sensor * blocks))
+    return SwingSeries.of(estimate.turning, estimate.sides, values - equation.carried, expected)
 
 
 def _curve(fit: NodeFit, fastest: float) -> FrictionCurve:
     """The fitted terms as a curve, with their uncertainty."""
-    side = fastest * np.linspace(0, 1, CURVE_KNOTS) ** 1.5
-    side[0] = 1e-6 * fastest
-    v = np.concatenate([-side[::-1], side])
     terms = tuple(name for name in fit.unknowns if name in TERMS)
     at = [fit.unknowns.index(name) for name in terms]
-    columns = law_columns(terms, v, 1.0)
-    torques = columns @ fit.values[at]
     covariance = np.zeros((len(at), len(at))) if fit.covariance is None else fit.covariance[np.ix_(at, at)]
-    spread = np.sqrt(np.einsum("ni,ij,nj->n", columns, covariance, columns))
-    return FrictionCurve(v, torques, spread, "coulomb + viscous + quadratic, direction-dependent", torques)
+    return Law(LAW, terms, fit.values[at], np.nan).curve_at(curve_speeds(fastest), covariance)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from swingid.balance.errors import constant_error
 from swingid.balance.fits import known_side
-from swingid.balance.friction_laws import law_columns, parameter_weights, stribeck_slope
+from swingid.balance.friction_laws import curve_speeds, parameter_weights
 from swingid.balance.perturbations import (
     SHAPES,
     Perturbation,
@@ -30,7 +31,6 @@ from swingid.result.result import Details, FrictionCurve, SwingSeries
 from swingid.uncertainty.budget import Evaluated, Scatter, evaluate
 
 SCATTER = "scatter of the rows and sensor noise"
-CURVE_KNOTS = 8
 
 
 def answer(found: Selection, rig: Rig, equation: Equation) -> Evaluated:
@@ -116,19 +116,13 @@ def _per_swing(found: Selection, equation: Equation) -> SwingSeries:
     work = np.bincount(nearest, fit.weights * rows["inertia"] * left, count)
     full = power > 0.5 * np.median(power)
     values = work[full] / power[full] - equation.carried
-    spread = 1.4826 * float(np.median(np.abs(values - np.median(values)))) if len(values) else 0.0
-    return SwingSeries(motion.turning_times[full], motion.sides[full], values, np.full(len(values), spread))
+    return SwingSeries.of(motion.turning_times[full], motion.sides[full], values)
 
 
 def _curve(found: Selection, fastest: float) -> FrictionCurve:
     """The fitted law as a curve, with its uncertainty."""
-    side = fastest * np.linspace(0, 1, CURVE_KNOTS)[1:] ** 1.5
-    speeds = np.concatenate([-side[::-1], side])
     fit, law = found.chosen.fit, found.law
     own = [fit.unknowns.index(name) for name in law.unknowns]
-    slopes = columns = law_columns(law.terms, speeds, law.stribeck_speed)
-    if "stribeck" in law.terms:
-        slopes = np.column_stack([columns, law.peak * stribeck_slope(speeds, law.stribeck_speed)])
-    torques = slopes @ fit.fit.values[own]
-    variance = np.einsum("ni,ij,nj->n", slopes, fit.covariance[np.ix_(own, own)], slopes)
-    return FrictionCurve(speeds, torques, np.sqrt(np.maximum(variance, 0.0)), law.name, torques)
+    coefficients, change = np.split(fit.fit.values[own], [len(law.terms)])
+    fitted = replace(law, coefficients=coefficients, stribeck_speed=law.stribeck_speed + float(change.sum()))
+    return fitted.curve_at(curve_speeds(fastest, rest=False), fit.covariance[np.ix_(own, own)])

@@ -10,7 +10,7 @@ import numpy as np
 
 from swingid.balance.choice import FLAT, impulse_left, impulse_possible
 from swingid.balance.delays import dry_levels, impulse_of, late_reversals
-from swingid.balance.friction_laws import EXACT
+from swingid.balance.friction_laws import EXACT, Law
 from swingid.balance.rows import Rows, Signals
 from swingid.checks.consistency import DISAGREES
 from swingid.checks.rig_file import CONFLICT
@@ -18,7 +18,7 @@ from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import AT_LEAST, SETTLING, Cutoff
 from swingid.methods.equation_error.fit import ROWS_PER_UNKNOWN, best_lag, fit_rows
 from swingid.methods.equation_error.grid import Grid, even_grid
-from swingid.methods.equation_error.laws import Law, Laws, LawTable
+from swingid.methods.equation_error.laws import Laws, LawTable
 from swingid.methods.equation_error.regressors import Regressors
 from swingid.methods.equation_error.rows import RowFilter
 from swingid.methods.equation_error.scatter import Fitted
@@ -206,8 +206,9 @@ def _law(
         rows = moved.regressors.rows(row_filter, EXACT)
         reach = part.reach(row_filter.row_step, len(rows.windows))
         first = fit_rows(rows, equation, ("coulomb", "viscous"), row_filter.usable, reach, 0)
-        laws = table.choose(rows, first.weights, equation).where(partial(_peaked, moved, equation, row_filter))
-        law = laws.best if given is None else table.fitted(given, rows, first.weights, equation)
+        choice = table.choice(rows, first.weights, equation)
+        laws = Laws.of(choice).where(partial(_peaked, moved, equation, row_filter))
+        law = laws.best if given is None else choice.only(given).best.law
         before, late = late, late_reversals(signals, law.torque, abs(first.a11), part.noise, dry_levels(signals, first))
         if np.max(np.abs(late - before)) <= SETTLED * np.max(np.abs(late)):
             break

@@ -13,15 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.fits import columns_of, known_side
-from swingid.balance.friction_laws import (
-    EXACT,
-    KNOTS,
-    STRIBECK_SHARES,
-    FrictionRows,
-    law_columns,
-    law_terms,
-    speed_knots,
-)
+from swingid.balance.friction_laws import EXACT, KNOTS, Law, speed_knots
 from swingid.balance.law_choice import LawChoice, slowest_peak
 from swingid.balance.rows import Rows
 from swingid.methods.equation_error.regressors import Regressors
@@ -35,40 +27,18 @@ POSSIBLE = 1e-3
 TOGETHER = 8
 """Hat functions that are filtered together."""
 
-FINER = 4
-"""Grids of Stribeck speeds for a given law, each between the neighbours of the best of the one before."""
-
-
-@dataclass(frozen=True)
-class Law:
-    """A friction law with the coefficients of its terms; stribeck_speed: 1.0 where it has no peak."""
-
-    name: str
-    terms: tuple[str, ...]
-    coefficients: Array
-    stribeck_speed: float
-
-    @property
-    def unknowns(self) -> tuple[str, ...]:
-        """The unknowns beside the inertia: the terms, and the speed of Stribeck's peak."""
-        return (*self.terms, "stribeck_speed") if "stribeck" in self.terms else self.terms
-
-    @property
-    def peak(self) -> float:
-        """Height of Stribeck's peak, 0 without one."""
-        return float(self.coefficients[self.terms.index("stribeck")]) if "stribeck" in self.terms else 0.0
-
-    def torque(self, speeds: Array) -> Array:
-        """Friction torque at `speeds`."""
-        result: Array = law_columns(self.terms, speeds, self.stribeck_speed) @ self.coefficients
-        return result
-
 
 @dataclass(frozen=True)
 class Laws:
     """The possible laws with their weights; the most probable first."""
 
     tried: tuple[tuple[Law, float], ...]
+
+    @classmethod
+    def of(cls, choice: LawChoice) -> Laws:
+        """Those of a choice."""
+        found = [(choice.trials[name].law, weight) for name, weight in choice.weights().items()]
+        return cls(tuple(sorted(found, key=lambda item: -item[1])))
 
     @property
     def best(self) -> Law:
@@ -97,49 +67,19 @@ class LawTable:
 
     def __init__(self, row_filter: RowFilter, regressors: Regressors, noise: float) -> None:
         smooth = regressors.smooth
-        self.fastest = float(np.quantile(np.abs(smooth), 0.999))
-        self.knots = speed_knots(self.fastest, KNOTS)
+        self.knots = speed_knots(float(np.quantile(np.abs(smooth), 0.999)), KNOTS)
         self.slowest = slowest_peak(regressors.motion, noise)
         self.hats = np.vstack([row_filter(*columns) for columns in _hats(smooth, self.knots)]).T
 
-    def choose(self, rows: Rows, weights: Array, equation: Equation) -> Laws:
+    def choice(self, rows: Rows, weights: Array, equation: Equation) -> LawChoice:
         """The laws for these rows with their robust weights; rows must contain all terms of `EXACT`."""
-        friction, body, target = self._columns(rows, weights, equation)
-        choice = LawChoice(friction, body, target, slowest=self.slowest)
-        ranked = sorted(choice.weights.items(), key=lambda item: -item[1])
-        laws = []
-        for name, weight in ranked:
-            trial = choice.trials[name]
-            speed = trial.stribeck_speed if "stribeck" in trial.terms else 1.0
-            laws.append((Law(name, trial.terms, trial.values, speed), weight))
-        return Laws(tuple(laws))
-
-    def fitted(self, name: str, rows: Rows, weights: Array, equation: Equation) -> Law:
-        """The law of this name with the coefficients, and the Stribeck speed, that fit the rows best."""
-        friction, body, target = self._columns(rows, weights, equation)
-        terms = law_terms(name)
-        best, least = Law(name, terms, np.zeros(len(terms)), 1.0), np.inf
-        speeds = self.fastest * STRIBECK_SHARES if "stribeck" in terms else np.ones(1)
-        for _ in range(FINER if "stribeck" in terms else 1):
-            for speed in speeds:
-                columns = np.column_stack([friction.columns @ friction.law(terms, speed), body])
-                values = np.linalg.lstsq(columns, target, rcond=1e-12)[0]
-                lost = float(np.sum((target - columns @ values) ** 2))
-                if lost < least:
-                    coefficients = np.asarray(values[: len(terms)], dtype=np.float64)
-                    best, least = Law(name, terms, coefficients, float(speed)), lost
-            ratio = speeds[-1] / speeds[-2] if len(speeds) > 1 else 1.0
-            speeds = best.stribeck_speed * np.geomspace(1 / ratio, ratio, len(speeds))
-        return best
-
-    def _columns(self, rows: Rows, weights: Array, equation: Equation) -> tuple[FrictionRows, Array, Array]:
         used = weights > 0
         root = np.sqrt(weights[used])
         exact = np.column_stack([rows[name] for name in EXACT])
-        columns = np.column_stack([exact, self.hats])[used] * root[:, None]
+        friction = np.column_stack([exact, self.hats])[used] * root[:, None]
         _, body = columns_of(rows, equation, ())
-        friction = FrictionRows(rows.select(used), self.fastest, self.knots, columns)
-        return friction, body[used] * root[:, None], known_side(rows, equation)[used] * root
+        target = known_side(rows, equation)[used] * root
+        return LawChoice.of(body[used] * root[:, None], friction, target, self.knots, self.slowest)
 
 
 def _hats(speeds: Array, knots: Array) -> Iterator[Array]:

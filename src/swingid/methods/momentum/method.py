@@ -47,7 +47,7 @@ from swingid.format import plus_minus
 from swingid.methods.momentum.together import momentum_together
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of, units_on
-from swingid.numerics.arrays import Array, median
+from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.preparation.prepared import Part, Prepared
 from swingid.recording.findings import Kind
@@ -302,9 +302,8 @@ def _per_swing(estimate: _Estimate, signals: Signals) -> SwingSeries:
     values = (known_side(rows, equation) - rows.sum_of(others)) / rows["inertia"] - equation.carried
     power = (law.a11 * noise.angle) ** 2 + (equation.value("wheel") * noise.wheel) ** 2
     sensor = np.sqrt(CURVATURE_POWER * power * noise.step / rows.windows.half**3) / np.abs(rows["inertia"])
-    spread = 1.4826 * median(np.abs(values - median(values))) if len(values) else 0.0
     sides = signals.motion.sides[np.searchsorted(signals.motion.turning_times, rows.windows.centres)]
-    return SwingSeries(rows.windows.centres, sides, values, np.maximum(sensor, spread))
+    return SwingSeries.of(rows.windows.centres, sides, values, sensor)
 
 
 def _loss_unexplained(signals: Signals, law: FrictionLaw, b: float) -> float | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.friction_laws import TERMS, stribeck_peak, stribeck_slope
+from swingid.balance.friction_laws import Law, curve_speeds
 from swingid.checks.consistency import DISAGREES
 from swingid.checks.rig_file import CONFLICT
 from swingid.methods.output_error.constants import SCALE
@@ -16,8 +16,6 @@ from swingid.methods.output_error.declared import declared_effects, shift_of_mom
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns
-from swingid.model.friction import static_curve
-from swingid.model.parameters import COULOMB_N, STATIC_N
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import NEIGHBOURS, block_covariance
@@ -39,7 +37,7 @@ PHASES = 8
 DETERMINED = 0.999
 """Posterior over prior variance of a constant above which the log does not determine it, and cannot contradict it."""
 
-CURVE_KNOTS = 12
+CURVE_KNOTS = 11
 """Speeds of the friction curve on each side."""
 
 
@@ -260,25 +258,11 @@ def details_of(estimate: Estimate, extra: dict[str, float]) -> Details:
 
 def _friction_curve(estimate: Estimate) -> FrictionCurve:
     """The fitted law up to the highest speed, with uncertainties of type A."""
-    unknowns, values, problem = estimate.unknowns, estimate.values, estimate.searched.problem
-    p = unknowns.vector(values)
-    fastest = float(np.max(np.abs(estimate.searched.fit.prediction.rates[~problem.wheel])))
-    side = fastest * np.linspace(0, 1, CURVE_KNOTS) ** 1.5
-    side[0] = 1e-6 * fastest
-    speeds = np.concatenate([-side[::-1], side])
-    torques = np.array([static_curve(v, p) for v in speeds])
-    slopes = np.zeros((len(speeds), len(unknowns)))
-    up = speeds > 0
-    shapes = {name: term(speeds) for name, term in TERMS.items()}
-    if "stribeck_speed" in unknowns.names:
-        peak_speed = float(values[unknowns.names.index("stribeck_speed")])
-        shapes["stribeck"] = stribeck_peak(speeds, peak_speed)
-        shapes["stribeck_speed"] = (p[STATIC_N] - p[COULOMB_N]) * stribeck_slope(speeds, peak_speed)
-    for direction, here in (("positive", up), ("negative", ~up)):
-        shapes |= {f"{name}_{direction}": np.where(here, shapes[name], 0.0) for name in ("coulomb", "viscous")}
-    for k, name in enumerate(unknowns.names):
-        if name in FRICTION:
-            slopes[:, k] = shapes[name]
-    spread = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slopes, estimate.covariance, slopes), 0.0))
-    searched = estimate.searched
-    return FrictionCurve(speeds, torques, spread, searched.law, torques, searched.candidates)
+    names, searched = estimate.unknowns.names, estimate.searched
+    at = dict(zip(names, estimate.values, strict=True))
+    terms = tuple(name for name in names if name in FRICTION and name != "stribeck_speed")
+    law = Law(searched.law, terms, np.array([at[name] for name in terms]), at.get("stribeck_speed", np.nan))
+    own = [names.index(name) for name in law.unknowns]
+    fastest = float(np.max(np.abs(searched.fit.prediction.rates[~searched.problem.wheel])))
+    speeds = curve_speeds(fastest, CURVE_KNOTS)
+    return law.curve_at(speeds, estimate.covariance[np.ix_(own, own)], searched.candidates)

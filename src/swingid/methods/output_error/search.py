@@ -6,21 +6,22 @@ far from it, are tried on a few segments, so that a better minimum elsewhere is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
-from swingid.balance.friction_laws import DIRECTIONS, LAWS, law_terms
+from swingid.balance.friction_laws import EXACT, SIDES, law_terms, parameter_weights
+from swingid.balance.law_choice import CANDIDATES, LawChoice
 from swingid.methods.output_error.constants import constant_value, free_key
 from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.unknowns import FRICTION, Unknowns, entries_of, friction_unknowns
+from swingid.methods.output_error.unknowns import FRICTION, Unknowns, entries_of
+from swingid.model.parameters import PLACES
 from swingid.model.terms import power_of
 from swingid.numerics.arrays import Array
 from swingid.numerics.gauss_newton import SAME, fit_at, solve, solve_near
 from swingid.numerics.shooting import Fit, Reduced
+from swingid.uncertainty.significance import akaike
 
 OFF = ((1.6, 3.0), (0.6, 0.3))
 """Factors of inertia and friction of the other starts."""
@@ -41,20 +42,18 @@ HEAD, HEAD_KNOTS = 0.1, 40
 RICHEST = "coulomb + viscous + quadratic, direction-dependent"
 """The law about whose motion all laws are compared, to first order."""
 
-FRICTION_TERMS = (
-    "coulomb",
-    "viscous",
-    "quadratic",
-    "cubic",
-    "stribeck",
-    "offset",
-    "coulomb_positive",
-    "viscous_positive",
-)
-"""Friction terms of which the laws are made."""
-
 PEAKS = (0.01, 0.025, 0.06, 0.13, 0.3)
 """Stribeck speeds tried, in shares of the highest speed."""
+
+
+DISTINCT = tuple(name for name in CANDIDATES if "viscous" in law_terms(name) or "viscous_even" not in law_terms(name))
+"""The laws tried: viscous friction by direction is the same law as that with a viscous term."""
+
+PLACES_OF_TERMS = FRICTION | {"viscous_even": tuple(zip(PLACES["viscous"], SIDES.values(), strict=True))}
+"""Places of the terms of EXACT."""
+
+BELOW = 2.0
+"""Standard uncertainties below zero from which on a coefficient is significantly negative."""
 
 
 @dataclass(frozen=True)
@@ -167,21 +166,6 @@ def first_states(problem: Problem, unknowns: Unknowns, values: Array, loss: str)
 
 
 @dataclass(frozen=True)
-class _Columns:
-    """Gram matrix of every friction term beside inertia and other unknowns, and the residuals, about one motion.
-
-    values (n,): the unknowns at which the columns were computed. states: step of the initial values (k, s) that belongs
-    to a step (n,) of these.
-    """
-
-    names: tuple[str, ...]
-    gram: Array
-    values: Array
-    peak: float
-    states: Callable[[Array], Array]
-
-
-@dataclass(frozen=True)
 class Choice:
     """A friction law, values of the unknowns and states (k, s) with it, all laws' criteria above its, their spread."""
 
@@ -192,20 +176,6 @@ class Choice:
     spread: float
 
 
-@dataclass(frozen=True)
-class _Trial:
-    """Bayesian and Akaike information criterion of a law (up to the same constant), and its values to first order.
-
-    variance: of the inertia. states: step of the initial values.
-    """
-
-    bayes: float
-    akaike: float
-    values: dict[str, float]
-    variance: float
-    states: Callable[[], Array]
-
-
 def choose_law(rough: Searched, independent: float, fastest: float, law: str) -> Choice:
     """Choose the friction law of least Bayesian information criterion; with a `law` other than "auto" only its values.
 
@@ -214,106 +184,53 @@ def choose_law(rough: Searched, independent: float, fastest: float, law: str) ->
     inertia over all laws with Akaike's weights (Burnham and Anderson 2002, 4.3), which do not favour the smaller laws:
     what their variances are above that of the best law, and their distances from it.
     """
-    tried: dict[str, _Trial] = {}
-    for number, columns in enumerate(_columns(rough, [share * fastest for share in PEAKS])):
-        for odd in LAWS:
-            for direction in DIRECTIONS:
-                name = odd + direction
-                if law not in ("auto", name) or (number > 0 and "stribeck" not in LAWS[odd]):
-                    continue
-                if law == "auto" and direction.endswith("dependent") and "viscous" not in LAWS[odd]:
-                    # viscous friction by direction is the same law as that with a viscous term
-                    continue
-                trial = _try(columns, name, independent, forced=law != "auto")
-                if trial is not None and (name not in tried or trial.bayes < tried[name].bayes):
-                    tried[name] = trial
-    ranked = sorted(tried, key=lambda name: tried[name].bayes)
-    least = min(trial.akaike for trial in tried.values())
-    weights = np.exp([-0.5 * (trial.akaike - least) for trial in tried.values()])
-    best = tried[ranked[0]]
-    off = np.array([trial.values["inertia"] for trial in tried.values()]) - best.values["inertia"]
-    more = np.array([trial.variance for trial in tried.values()]) - best.variance
-    spread = float(np.sqrt(max(weights @ (off**2 + more) / weights.sum(), 0.0)))
-    scores = {name: tried[name].bayes - best.bayes for name in ranked} if law == "auto" else {}
-    return Choice(ranked[0], best.values, rough.fit.states + best.states(), scores, spread)
+    unknowns, fit = rough.unknowns, rough.fit
+    at = dict(zip(unknowns.names, fit.values, strict=True))
+    body = [k for k, name in enumerate(unknowns.names) if name not in FRICTION]
+    peaks = fastest * np.array(PEAKS)
+    origin = np.concatenate([fit.values[body], _terms(at), np.zeros(len(peaks))])
+    reduced, gram = _products(rough, body, peaks)
+    names = DISTINCT if law == "auto" else (law,)
+    choice = LawChoice(
+        gram, len(body), independent, names, names[0], peaks=peaks, origin=origin, level=BELOW, sided=False
+    )
+    best, weights, trials = choice.best, choice.weights(akaike), choice.trials
+    squares = [(one.values[0] - best.values[0]) ** 2 + one.variance - best.variance for one in trials.values()]
+    spread = float(np.sqrt(max(np.array([weights[name] for name in trials]) @ np.array(squares), 0.0)))
+    found = best.law
+    values = {unknowns.names[k]: float(value) for k, value in zip(body, best.values[: len(body)], strict=True)}
+    values |= dict(zip(found.unknowns, found.values.tolist(), strict=True))
+    values |= {name: float(own @ found.coefficients) for name, own in parameter_weights(found.terms).items()}
+    scores = dict(sorted(choice.scores().items(), key=lambda item: item[1])) if law == "auto" else {}
+    states = fit.states + reduced.states(np.append(best.values - origin, 0.0))
+    return Choice(found.name, values, states, scores, spread)
 
 
-def _columns(rough: Searched, peaks: list[float]) -> Iterator[_Columns]:
-    """For each Stribeck speed of `peaks`; they have one motion, as the height of the peak is 0 in it."""
+def _terms(at: dict[str, float]) -> Array:
+    """Coefficients of the terms of EXACT where those of `RICHEST`, by direction, have these values."""
+    found = {"quadratic": at["quadratic"]}
+    for name, even in (("coulomb", "offset"), ("viscous", "viscous_even")):
+        up, down = at[f"{name}_positive"], at[f"{name}_negative"]
+        found |= {name: (up + down) / 2, even: (up - down) / 2}
+    return np.array([found.get(term, 0.0) for term in EXACT])
+
+
+def _products(rough: Searched, body: list[int], peaks: Array) -> tuple[Reduced, Array]:
+    """The Gram matrix of the unknowns `body`, the terms of EXACT, Stribeck's peaks of these speeds, and the residuals.
+
+    The peaks have one motion, as their height is 0 in it. Also what gives the step of the initial values.
+    """
     problem, unknowns, fit = rough.problem, rough.unknowns, rough.fit
-    p = unknowns.vector(fit.values)
-    body = tuple(k for k, name in enumerate(unknowns.names) if name not in FRICTION)
-    own, at = [unknowns.names[k] for k in body], dict(zip(unknowns.names, fit.values, strict=True))
-    names = (*own, *(name for name in FRICTION_TERMS if name != "stribeck"))
-    places = [unknowns.items[k].places for k in body] + [FRICTION[name] for name in names[len(own) :]]
+    names = (*(unknowns.names[k] for k in body), *EXACT)
+    places = [*(unknowns.items[k].places for k in body), *(PLACES_OF_TERMS[name] for name in EXACT)]
     entries = entries_of(places, problem.states)
-    prediction = problem.with_peaks(p, entries, fit.states, len(places), fit.prediction, np.array(peaks))
-    prediction = as_read(prediction, problem, names, np.array([at.get(name, 0.0) for name in names]))
-    extended = prediction.slopes
+    p = unknowns.vector(fit.values)
+    prediction = problem.with_peaks(p, entries, fit.states, len(places), fit.prediction, peaks)
+    read = np.concatenate([fit.values[body], np.zeros(len(EXACT))])
+    extended = as_read(prediction, problem, names, read).slopes
     extended[:, -1] = problem.sigma * fit.residuals
     reduced = fit.shooting.reduced(fit.shooting.grams(extended, fit.residuals, fit.weights))
-    gram = reduced.matrix.copy()
-    for column, k in enumerate(body):
-        if (power := unknowns.power[k]) > 0:
-            # the prior, as one more residual
-            gram[column, column] += power
-            gram[column, -1] -= power * fit.values[k]
-            gram[-1, column] -= power * fit.values[k]
-            gram[-1, -1] += power * fit.values[k] ** 2
-    friction = {"coulomb": at["coulomb_negative"], "viscous": at["viscous_negative"], "quadratic": at["quadratic"]}
-    for name in ("coulomb", "viscous"):
-        friction[f"{name}_positive"] = at[f"{name}_positive"] - at[f"{name}_negative"]
-    values = np.array([at[name] for name in own] + [friction.get(name, 0.0) for name in names[len(own) :]] + [0.0])
-    for k, peak in enumerate(peaks):
-        chosen = [*range(len(names)), len(names) + k, len(gram) - 1]
-        states = partial(_states_with, reduced, chosen[:-1])
-        yield _Columns((*names, "stribeck"), gram[np.ix_(chosen, chosen)], values, peak, states)
-
-
-def _states_with(reduced: Reduced, places: list[int], step: Array) -> Array:
-    """Step of the initial values where the columns at these places take a step, and the others none."""
-    whole = np.zeros(len(reduced.matrix))
-    whole[places] = step
-    return reduced.states(whole)
-
-
-def _try(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Trial | None:
-    """Criteria and values of a law; None where a coefficient is significantly negative, unless forced."""
-    terms, n = law_terms(law), len(columns.names)
-    directed = "viscous_even" in terms
-    # of two coefficients by direction one is a term, and the difference another
-    other = {"viscous_even": "viscous_positive"}
-    if directed and "coulomb" in terms:
-        other["offset"] = "coulomb_positive"
-    wanted = {other.get(term, term) for term in terms} | ({"viscous"} if directed else set())
-    body = [k for k, name in enumerate(columns.names) if name not in FRICTION]
-    own = sorted([*body, *(columns.names.index(name) for name in wanted)])
-    # residual of the law: the present one plus what the terms that it lacks contribute now
-    blend = np.zeros((n + 1, len(own) + 1))
-    blend[:, -1] = np.append(columns.values, 1.0)
-    blend[own, -1] = 0.0
-    blend[own, np.arange(len(own))] = 1.0
-    gram = blend.T @ columns.gram @ blend
-    inner, right, total = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
-    scale = 1 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    inverse = np.linalg.inv(inner * np.outer(scale, scale) + 1e-12 * np.eye(len(own))) * np.outer(scale, scale)
-    change = inverse @ right
-    lost = max(float(total - change @ right), 1e-300)
-    values = columns.values[own] + change
-    spread = np.sqrt(np.maximum(np.diag(inverse) * lost / independent, 0.0))
-    for k, value, u in zip(own, values, spread, strict=True):
-        free = k in body or columns.names[k] in ("offset", "coulomb_positive", "viscous_positive")
-        if not free and value < -2 * u and law != "viscous" and not forced:
-            return None
-    count = len(friction_unknowns(law))
-    likelihood = float(independent * np.log(lost))
-    named = {columns.names[k]: float(value) for k, value in zip(own, values, strict=True)}
-    named["stribeck_speed"] = columns.peak
-    for name in ("coulomb", "viscous"):
-        named[f"{name}_negative"] = named.get(name, 0.0)
-        named[f"{name}_positive"] = named.get(name, 0.0) + named.get(f"{name}_positive", 0.0)
-    variance = float(spread[own.index(columns.names.index("inertia"))] ** 2)
-    step = -columns.values
-    step[own] = change
-    states = partial(columns.states, step)
-    return _Trial(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, named, variance, states)
+    # the prior of each, as one more residual
+    prior = np.zeros((len(body), len(reduced.matrix)))
+    prior[:, : len(body)], prior[:, -1] = np.eye(len(body)), -fit.values[body]
+    return reduced, reduced.matrix + (prior.T * unknowns.power[body]) @ prior

@@ -181,7 +181,7 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     to, if that is smaller than that of `law`.
     """
     stated, u = law.equation.value("gravity_torque"), min(u, law.u)
-    if stated is None or law.equation.drive == "none" or signals.linear:
+    if law.equation.seeks("gravity_torque") or law.equation.drive == "none" or signals.linear:
         return 0.0
     free = with_gravity_free(law, rig, signals)
     if free is None or free.a11 <= 0 or (stated and free.value("gravity_torque") <= 0):

@@ -42,7 +42,7 @@ def fit_at(shooting: Shooting, values: Array, states: Array, same: Prediction | 
         reduced = shooting.reduced(shooting.grams(prediction.slopes, residuals, weights), values)
     if not (np.isfinite(cost) and np.isfinite(reduced.matrix).all() and np.isfinite(reduced.right).all()):
         return diverged
-    return replace(diverged, weights=weights, cost=cost, reduced=reduced)
+    return Fit(shooting, values, states, prediction, residuals, weights, cost, reduced)
 
 
 def solve(
@@ -148,6 +148,5 @@ def _step(fit: Fit, reduced: Reduced, damping: float) -> tuple[Array, float]:
         if not pushed.any():
             break
         free &= ~pushed
-    own = np.linalg.solve(reduced.own, reduced.right_own[..., None])[..., 0]
-    fall = float(2 * step @ right - step @ matrix @ step + np.sum(own * reduced.right_own))
+    fall = float(2 * step @ right - step @ matrix @ step) + reduced.gained
     return step, fall / max(len(fit.residuals), 1)

@@ -115,7 +115,8 @@ class Shooting:
 class Reduced:
     """Normal equations without the initial values: matrix (m, m), right side (m,), and the blocks that restore those.
 
-    own, cross (k, s, s), (k, s, m), right_own (k, s): blocks of every segment, from its products `grams`.
+    own, cross (k, s, s), (k, s, m), right_own (k, s): blocks of every segment, from its products `grams`. A step of the
+    initial values is solved for anew, since `own` may be nearly singular: a difference of solutions loses digits.
     """
 
     matrix: Array
@@ -136,8 +137,12 @@ class Reduced:
     def states(self, step: Array) -> Array:
         """Step of the initial values (k, s) that belongs to a step (m,) of the unknowns."""
         right = self.right_own - self.cross @ step
-        solved: Array = np.asarray(np.linalg.solve(self.own, right[..., None])[..., 0], dtype=np.float64)
-        return solved
+        return np.asarray(np.linalg.solve(self.own, right[..., None])[..., 0], np.float64)
+
+    @property
+    def gained(self) -> float:
+        """Decrease of the sum of squares by a step of the initial values alone."""
+        return float(np.sum(np.linalg.solve(self.own, self.right_own[..., None])[..., 0] * self.right_own))
 
 
 @dataclass(frozen=True)

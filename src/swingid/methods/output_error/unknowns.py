@@ -134,10 +134,8 @@ class Unknowns:
 
     def vector(self, values: Array) -> Array:
         """The rig's vector for values of the unknowns, and the gain of the torque after it (SIZE + 1,)."""
-        p = np.append(self.base, 1.0)
-        for item, value in zip(self.items, values, strict=True):
-            for place, weight in item.places:
-                p[place] += weight * value
+        p, (places, columns, weights) = np.append(self.base, 1.0), self._entries
+        np.add.at(p, places, weights * values[columns])
         p[AXIS_STICKS] = can_stick(p[:SIZE])
         return p
 

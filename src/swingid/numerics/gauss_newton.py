@@ -33,7 +33,7 @@ def fit_at(shooting: Shooting, values: Array, states: Array, same: Prediction | 
     """The point of a search at these values (m,) and states (k, s); same: the motion there, where it is known."""
     prediction = shooting.simulate(values, states, same)
     residuals = shooting.residuals(prediction)
-    empty = Reduced(*(np.zeros((0, 0)) for _ in range(4)))
+    empty = Reduced(*(np.zeros((0, 0)) for _ in range(6)))
     diverged = Fit(shooting, values, states, prediction, residuals, residuals, np.inf, empty)
     if not (prediction.finite and np.isfinite(residuals).all() and np.isfinite(prediction.slopes).all()):
         return diverged

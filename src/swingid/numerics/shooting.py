@@ -99,29 +99,31 @@ class Shooting:
         damping: of the step of the initial values, relative.
         """
         s, m = self.states, grams.shape[1] - self.states - 1
-        own = grams[:, :s, :s]
+        own, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
         # where a speed is 0 throughout, a combination of its initial values has no effect, and the block is singular
         sizes = np.diagonal(own, axis1=1, axis2=2)
         own = own + np.eye(s) * (damping * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
         held = np.linalg.solve(own, grams[:, :s, s:])
-        left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(grams[:, :s, s:-1], held, axes=((0, 1), (0, 1)))
+        left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(cross, held, axes=((0, 1), (0, 1)))
         matrix, right = left[:, :m], left[:, m]
         if values is not None:
             matrix, right = matrix + np.diag(self.power), right - self.power * values
-        return Reduced(matrix, right, held, grams)
+        return Reduced(matrix, right, own, cross, right_own, grams)
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """Normal equations without the initial values: matrix (m, m) and right side (m,), of the products `grams`.
+    """Normal equations without the initial values: matrix (m, m), right side (m,), and the blocks that restore those.
 
-    held (k, s, m + 1): what the initial values of each segment take over, of every unknown's column and of the
-    residuals.
+    own, cross (k, s, s), (k, s, m), right_own (k, s): blocks of every segment, from its products `grams`. A step of the
+    initial values is solved for anew, since `own` may be nearly singular: a difference of solutions loses digits.
     """
 
     matrix: Array
     right: Array
-    held: Array
+    own: Array
+    cross: Array
+    right_own: Array
     grams: Array
 
     @cached_property
@@ -134,13 +136,13 @@ class Reduced:
 
     def states(self, step: Array) -> Array:
         """Step of the initial values (k, s) that belongs to a step (m,) of the unknowns."""
-        taken: Array = self.held[..., -1] - self.held[..., :-1] @ step
-        return taken
+        right = self.right_own - self.cross @ step
+        return np.asarray(np.linalg.solve(self.own, right[..., None])[..., 0], np.float64)
 
     @property
     def gained(self) -> float:
         """Decrease of the sum of squares by a step of the initial values alone."""
-        return float(np.sum(self.held[..., -1] * self.grams[:, : self.held.shape[1], -1]))
+        return float(np.sum(np.linalg.solve(self.own, self.right_own[..., None])[..., 0] * self.right_own))
 
 
 @dataclass(frozen=True)
@@ -173,8 +175,8 @@ class Fit:
 
     def influence_on(self, wanted: Array) -> Array:
         """Influence (q, r) of the residuals on combinations `wanted` (q, m) of the unknowns."""
-        of_slopes = wanted @ self.inverse
-        of_states = of_slopes @ self.reduced.held[..., :-1].transpose(0, 2, 1)
+        reduced, of_slopes = self.reduced, wanted @ self.inverse
+        of_states = of_slopes @ np.linalg.solve(reduced.own, reduced.cross).transpose(0, 2, 1)
         result = np.empty((len(of_slopes), len(self.residuals)))
         for k, (first, last) in enumerate(pairwise(self.shooting.rows)):
             # less what the segment's initial values explain

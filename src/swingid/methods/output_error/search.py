@@ -102,7 +102,7 @@ def first_values(setup: Setup, unknowns: Unknowns) -> Array:
         elif item.name in scale.unknown:
             value = windows.value(item.name) if np.isinf(item.low) else max(windows.value(item.name), 0.0)
         elif item.name in FRICTION:
-            value = max(known.get(item.name, 0.0), 0.03 * torque / fastest ** power_of(item.name))
+            value = max(known.get(item.name, 0.0), 0.03 * (torque / fastest ** power_of(item.name)))
         else:
             value = constant_value(setup.rig, free_key(item.name))[0]
         values.append(value)

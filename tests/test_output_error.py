@@ -236,7 +236,7 @@ def test_a_fit_that_leans_on_some_readings_is_that_with_less_weight_on_the_other
 
 def test_an_unknown_without_effect_stays_where_it_is():
     matrix, right = np.diag([2.0, 0.0]), np.array([1.0, 0.0])
-    reduced = Reduced(matrix, right, np.zeros((1, 2, 3)), np.zeros((1, 5, 5)))
+    reduced = Reduced(matrix, right, np.eye(2)[None], np.zeros((1, 2, 2)), np.zeros((1, 2)), np.zeros((1, 5, 5)))
     none, bounds = np.zeros(1), (np.full(2, -9.0), np.full(2, 9.0))
     shooting = Shooting(none, none, np.array([0, 1]), np.zeros((1, 2)), None, bounds, np.zeros(2), None)
     fit = Fit(shooting, np.zeros(2), np.zeros((1, 2)), None, none, none, 1.0, reduced)

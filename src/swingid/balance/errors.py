@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from swingid.balance.perturbations import (
     SHAPES,
     Perturbation,
     RowError,
+    Slope,
     channel_of,
     encoder_error,
     of_channels,
@@ -58,15 +59,12 @@ def channel_errors(
     An error of the angle enters friction, too: by a multiple of its own columns where it is one of the scale (see
     `Perturbation.scales_speed`), else negligibly.
     """
-    slopes = {one.source: [own for own in _slopes(signals, one) if values.get(own[0])] for one in found}
-    _keep(
-        rows,
-        signals,
-        [one for one in found if any((one.source, own[0]) not in rows.kept for own in slopes[one.source])],
-    )
+    terms = {one.source: [name for name, *_ in _slopes(signals, one) if values.get(name)] for one in found}
+    missing = (one for one in found if any((one.source, name) not in rows.kept for name in terms[one.source]))
+    _keep(rows, signals, list(missing))
     none = np.zeros(len(rows))
     return [
-        RowError(one, -sum((values[name] * rows.kept[one.source, name] for name, *_ in slopes[one.source]), none))
+        RowError(one, -sum((values[name] * rows.kept[one.source, name] for name in terms[one.source]), none))
         for one in found
     ]
 
@@ -75,11 +73,12 @@ def shaped_errors(
     rows: Rows, signals: Signals, channel: str, shapes: Iterable[Array], values: Mapping[str, float]
 ) -> Array:
     """Effects (rows, n) of errors of a channel, "angle" or "wheel", that are given at the nodes."""
-    found = slopes_by(channel, signals.angle, signals.further, linear=signals.linear)
-    slopes, each = [own for own in found if values.get(own[0])], list(shapes)
-    columns = [(shape * slope, order) for shape in each for _, slope, order in slopes]
+    found = slopes_by(channel, signals.further, linear=signals.linear)
+    slopes = [(order, slope(signals.angle), values[name]) for name, order, slope in found if values.get(name)]
+    each = list(shapes)
+    columns = [(shape * slope, order) for shape in each for order, slope, _ in slopes]
     parts = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
-    own = np.array([values[name] for name, *_ in slopes])
+    own = np.array([value for *_, value in slopes])
     result: Array = -parts.reshape(len(rows), len(each), len(slopes)) @ own
     return result
 
@@ -100,20 +99,23 @@ def late_error(rows: Rows, signals: Signals, values: Mapping[str, float]) -> Arr
 
 def _keep(rows: Rows, signals: Signals, found: Sequence[Perturbation]) -> None:
     """Compute the columns ∫φ ∂f/∂channel s of these errors, which depend neither on values nor on turning points."""
-    keys, shapes = [], []
+    keys, columns = [], []
+    slopes = {}  # of a term at the nodes, the same for all errors
     for one in found:
         error, shift = _at_nodes(signals, one)
-        for name, slope, order in _slopes(signals, one):
+        for name, order, slope in _slopes(signals, one):
+            if name not in slopes:
+                slopes[name] = slope(signals.angle)
             keys.append((one.source, name))
-            shapes.append((error * slope, order + shift))
+            columns.append((error * slopes[name], order + shift))
     if keys:
-        columns = project(signals.nodes, shapes, rows.windows.centres, rows.windows.half)
-        rows.kept.update(zip(keys, columns.T, strict=True))
+        integrals = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
+        rows.kept.update(zip(keys, integrals.T, strict=True))
 
 
-def _slopes(signals: Signals, one: Perturbation) -> Iterator[tuple[str, Array | float, int]]:
+def _slopes(signals: Signals, one: Perturbation) -> list[tuple[str, int, Slope]]:
     """Terms that depend on the channel of an error, see `slopes_by`."""
-    return slopes_by(_channel(signals, one), signals.angle, signals.further, linear=signals.linear)
+    return slopes_by(_channel(signals, one), signals.further, linear=signals.linear)
 
 
 def _channel(signals: Signals, one: Perturbation) -> str:

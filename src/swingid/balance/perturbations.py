@@ -108,26 +108,28 @@ def channel_of(one: Perturbation, drive: str) -> str:
     return one.channel or ""
 
 
-def slopes_by(
-    channel: str, angle: Array, further: Iterable[RigTerm], *, linear: bool
-) -> Iterator[tuple[str, Array | float, int]]:
-    """∂f/∂channel of the terms that depend on a channel: name, derivative, order of the time derivative.
+Slope = Callable[[Array], Array | float]
+"""∂f/∂channel of a term as a function of the angle."""
+
+
+def slopes_by(channel: str, further: Iterable[RigTerm], *, linear: bool) -> list[tuple[str, int, Slope]]:
+    """Terms that depend on a channel: name, order of the time derivative that the error meets, ∂f/∂channel.
 
     That of friction is left out: of a scale of the angle it is a multiple of its own columns, else negligible.
     """
     if channel == "wheel":
-        yield "wheel", 1.0, 2
-    elif channel == "torque":
-        yield "torque", 1.0, 0
-    elif channel == "voltage":
-        yield "torque_per_volt", -1.0, 0
-    else:
-        yield "inertia", 1.0, 2
-        if not linear:
-            yield "gravity_torque", np.cos(angle), 0
-        for term in further:
-            if term.term.is_conservative:
-                yield term.name, term.stiffness(angle), 0
+        return [("wheel", 2, _one)]
+    if channel == "torque":
+        return [("torque", 0, _one)]
+    if channel == "voltage":
+        return [("torque_per_volt", 0, lambda _: -1.0)]
+    gravity = [] if linear else [("gravity_torque", 0, np.cos)]
+    held = [(term.name, 0, term.stiffness) for term in further if term.term.is_conservative]
+    return [("inertia", 2, _one), *gravity, *held]
+
+
+def _one(_: Array) -> float:
+    return 1.0
 
 
 def propagated(errors: Iterable[RowError], influence: Array, weights: Array | None = None) -> list[Declared]:

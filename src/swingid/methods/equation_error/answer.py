@@ -77,8 +77,9 @@ def _change(rig: Rig, chosen: Fitted, one: Perturbation, values: dict[str, float
     assert measured is not None
     error = measured if one.shape == "latency" else SHAPES[one.shape](measured)
     change = np.zeros_like(grid.angle)
-    for name, own, order in slopes_by(channel, grid.angle, further, linear=chosen.equation.linear):
-        change = change + values.get(name, 0.0) * (curvature(error, grid.step) if order == 2 else own * error)
+    for name, order, own in slopes_by(channel, further, linear=chosen.equation.linear):
+        acting = curvature(error, grid.step) if order == 2 else own(grid.angle) * error
+        change = change + values.get(name, 0.0) * acting
     if one.shape != "latency":
         return change
     return slope(change, grid.step) * (1.0 if channel == one.channel else -1.0)

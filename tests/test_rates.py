@@ -96,6 +96,41 @@ def test_inertia_friction_and_bias_from_a_gyroscope(kind, rate_is):
     assert not [w.code for w in result.warnings]
 
 
+def test_a_reaction_wheel_with_a_gyroscope_on_the_axis_is_answered() -> None:
+    """An encoder's nonlinearity that is looked for where none is stated is none of an angle that no encoder read."""
+    text = """
+[axis]
+gravity_torque = 78e-3
+[drive]
+kind = "reaction-wheel"
+wheel = {inertia = 11.34e-5}
+[drive.motor]
+rotor_inertia = 0.21e-5
+gear_ratio = 4.4
+torque_per_volt = 52.04e-4
+back_emf = 3.697e-6
+viscous = 3.687e-5
+coulomb = 302.02e-5
+voltage_limit = 10
+[sensors]
+angle_speed = {noise = "0.05 deg/s", bias = "0 ± 0.5 deg/s"}
+[sensors.wheel]
+counts_per_turn = 16384
+[log]
+angle_speed = "gz"
+wheel_angle = "q2"
+voltage = "u"
+"""
+    told = sw.Rig.from_text(text, "gyro-wheel.toml")
+    twin = told.changed({"axis.inertia": 3.022e-3, "axis.friction.coulomb": 3e-3, "axis.friction.viscous": 5e-4})
+    motion = sw.parse_reference("multisine 0.5 rad 8.5 rad/s + 0.4 rad 5.3 rad/s 1 rad")
+    result = sw.identify(sw.simulate(twin, motion, duration=15.0, seed=1), told)
+    inertia = result.parameters["inertia"]
+    assert inertia.standard_uncertainty is not None
+    assert inertia.standard_uncertainty < 1e-3 * inertia.value
+    assert abs(inertia.value - 3.022e-3) < 3 * inertia.standard_uncertainty
+
+
 @pytest.mark.parametrize("method", ["equation-error", "energy", "output-error"])
 def test_other_methods_get_the_angle_at_its_level(method):
     log, own = run("direct", duration=20.0)

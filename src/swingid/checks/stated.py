@@ -60,13 +60,13 @@ AS_GOOD = 1.2
 def check_encoders(law: WindowFit, rig: Rig, signals: Signals) -> list[Message]:
     """A warning where an undeclared once-per-turn nonlinearity of the encoders is significant and biases the inertia.
 
-    Not where gravity is unknown as well, whose column is nearly that of a nonlinearity, and not where a torque that
-    depends on the angle explains the residuals better.
+    Not where gravity is unknown as well, whose column is nearly that of a nonlinearity, not where a torque that depends
+    on the angle explains the residuals better, and not where the angle is the integral of a rate.
     """
     equation = law.equation
     if signals.linear or equation.drive == "none" or equation.seeks("gravity_torque") or signals.encoders.angle.bent:
         return []
-    if not _may_show(law, signals):
+    if signals.encoders.level is not None or not _may_show(law, signals):
         return []
     ran("encoders")
     declared = signals.declaring(Encoders.of(rig.changed({"sensors.nonlinearity": WIDE})))

@@ -2,7 +2,7 @@
 
 The memory is a header and a ring of bytes. The writer puts a record (kind, time, length, bytes) behind the last one and
 then moves the head; a reader that is behind by more than the ring goes on at the head and counts what it lost. Only how
-a run ended (DONE, FAILED) is lost to nobody: where that record begins stands in the header. On POSIX the memory is a
+a run ended (DONE, FAILED) reaches every reader: where that record begins stands in the header. On POSIX the memory is a
 file without a name, whose descriptor the processes inherit, so nothing is left however they die; on Windows the last
 one removes the file, else the next run. All of it is reserved when it is made.
 """

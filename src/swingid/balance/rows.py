@@ -9,7 +9,7 @@ Only angles enter; the speed is needed only inside the friction terms.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -194,6 +194,11 @@ class Signals:
         gravity = 0.0 if self.linear else float(np.mean(self.cosine))
         further = {term.name: float(np.mean(term.stiffness(self.angle))) for term in self.further}
         return {"gravity_torque": gravity, **further}
+
+    def stiffness(self, value: Callable[[str], float]) -> Array:
+        """Change of the conservative torques per rad or m at the nodes; value: of a coefficient by its name."""
+        found = np.zeros_like(self.angle) if self.linear else value("gravity_torque") * self.cosine
+        return sum((value(term.name) * term.stiffness(self.angle) for term in self.further), found)
 
     @cached_property
     def kept(self) -> dict[tuple[str, float], Array]:

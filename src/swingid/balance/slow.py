@@ -14,13 +14,12 @@ from typing import Literal
 
 import numpy as np
 
-from swingid.balance.contrast import variances
-from swingid.balance.fits import LAG, SLIGHT, WindowFit, fit_rows, residuals_beside
-from swingid.balance.rows import Signals, Windows
+from swingid.balance.fits import LAG, SLIGHT, WindowFit, covariance_by, fit_rows, residuals_beside
+from swingid.balance.rows import Signals, Windows, dry_column
 from swingid.balance.systematics import left_by_place
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
-from swingid.numerics.test_functions import project, project_steps
+from swingid.numerics.test_functions import project
 from swingid.result.data import Changing
 from swingid.uncertainty.significance import CERTAIN, DECISIVE, INDICATED, bayesian, normal_of_ratio
 
@@ -81,38 +80,21 @@ def slow_columns(signals: Signals, fit: WindowFit, kind: SlowKind, more: int = 0
     for order in range(1, ORDERS[kind] + more + 1):
         shape = polynomial(order, x).reshape(signals.angle.shape)
         if kind == "zero":
-            found[name_of("zero", order)] = _smooth(signals, windows, [(-_stiffness(signals, fit) * shape, 0)])
+            found[name_of("zero", order)] = _smooth(signals, windows, [(-signals.stiffness(fit.value) * shape, 0)])
             continue
         change = rate * slope(order, x).reshape(signals.angle.shape)
         # ∫φ P q1' = −∫φ' P q1 − ∫φ P' q1: from the angle, as all columns
         viscous = [(-signals.angle * shape, 1), (-signals.angle * change, 0)]
         found[name_of("viscous", order)] = _smooth(signals, windows, viscous)
-        found[name_of("coulomb", order)] = _dry(signals, windows, order)
+        at_edges = polynomial(order, progress(signals, signals.edges[:-1]))
+        found[name_of("coulomb", order)] = dry_column(signals, windows, shape, at_edges)
     return {name: found[name] for name in names_of(kind, more)}
-
-
-def _stiffness(signals: Signals, fit: WindowFit) -> Array:
-    """Change of the conservative torques per rad at the nodes, N m/rad."""
-    stiffness = np.zeros_like(signals.angle) if signals.linear else fit.value("gravity_torque") * signals.cosine
-    for term in signals.further:
-        stiffness = stiffness + fit.value(term.name) * term.stiffness(signals.angle)
-    return stiffness
 
 
 def _smooth(signals: Signals, windows: Windows, shapes: Sequence[tuple[Array, int]]) -> Array:
     """Sum of the modulated integrals of these shapes."""
     found: Array = project(signals.nodes, list(shapes), windows.centres, windows.half).sum(axis=1)
     return found
-
-
-def _dry(signals: Signals, windows: Windows, order: int) -> Array:
-    """∫φ P sgn q1', with its jumps integrated exactly as steps."""
-    edges, directions = signals.edges, signals.directions
-    steps = np.cumsum(np.diff(directions, prepend=0.0) * polynomial(order, progress(signals, edges[:-1])))
-    place = signals.since
-    whole = directions[place] * polynomial(order, progress(signals, signals.nodes.flat[0]))
-    left = (whole - steps[place]).reshape(signals.angle.shape)
-    return _smooth(signals, windows, [(left, 0)]) + project_steps(edges, steps, windows.centres, windows.half)
 
 
 def _roughly(signals: Signals, fit: WindowFit, kind: SlowKind) -> Array:
@@ -165,14 +147,12 @@ def slow_test(fit: WindowFit, signals: Signals, kind: SlowKind) -> SlowTest | No
 
 def _tested(fit: WindowFit, kind: SlowKind, columns: Array, freedom: float, beside: Array | None = None) -> SlowTest:
     """The test of these columns; beside: of other causes (rows, n), as further unknowns."""
-    known = fit.columns if beside is None else np.column_stack([fit.columns, beside])
-    solved = fit_linear(np.column_stack([known, columns]), fit.fit.residuals)
-    at, count = slice(known.shape[1], None), columns.shape[1]
-    theta, own = solved.values[at], solved.covariance(LAG)[at, at]
-    found = variances(fit, solved.influence[at], solved.residuals, len(solved.values))
-    scale = np.sqrt(found / np.maximum(np.diag(own), 1e-300))
+    count = columns.shape[1]
+    solved = fit.beside(columns if beside is None else np.hstack([beside, columns])).solved()
+    theta = solved.values[-count:]
+    own = covariance_by(fit, solved.influence[-count:], solved.residuals, len(solved.values))
     # columns that are equal here, as of dry and viscous friction at one speed, count once
-    wald = float(theta @ np.linalg.pinv(own * np.outer(scale, scale), hermitian=True) @ theta) / count
+    wald = float(theta @ np.linalg.pinv(own, hermitian=True) @ theta) / count
     return SlowTest(kind, normal_of_ratio(wald, count, freedom), solved.residuals)
 
 
@@ -230,8 +210,9 @@ def slow_effects(law: WindowFit, signals: Signals, kinds: Iterable[SlowKind]) ->
         without = fit_linear(np.delete(columns, slice_of(law, kind), axis=1), target)
         more = slow_columns(signals, law, kind, 1)
         further = np.column_stack([column for name, column in more.items() if name not in law.unknowns])
-        next_order = fit_linear(np.column_stack([columns, further]), law.fit.residuals)
-        found.append(SlowEffect(kind, law.a11 - float(without.values[0]), abs(float(next_order.values[0]))))
+        next_order = law.beside(further).solved()
+        change = law.a11 - float(without.values[0])
+        found.append(SlowEffect(kind, change, abs(float(next_order.values[0]) - law.a11)))
     return found
 
 

@@ -112,7 +112,7 @@ class Together:
         fit = fit or self.law
         rows, at = (self.own[k], self.places[k]) if fit is self.law else _alone(self.runs, fit, k)
         data = LinearFit(fit.fit.values, fit.fit.residuals[at], fit.fit.influence[:, at], fit.fit.condition)
-        return replace(fit, fit=data, rows=rows)
+        return replace(fit, fit=data, rows=rows, bare=None)
 
     def grid(self) -> float:
         """Standard uncertainty of a11 by the grid phase of the encoder, as of `systematics.grid_spread`."""

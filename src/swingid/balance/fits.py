@@ -203,19 +203,18 @@ def fit_rows(rows: Rows, equation: Equation, noise: Noise, friction: tuple[str, 
 
 
 def fit_with_prior(
-    fit: WindowFit, extra: Sequence[Array] | Array, rounds: int = 2, means: Sequence[float] = ()
+    fit: WindowFit, extra: Sequence[Array] | Array, rounds: int = 2, means: Array | float = 0.0
 ) -> tuple[LinearFit, Array]:
     """The fit with more unknowns, in units of their standard deviations, under a standard normal prior.
 
     extra: one regressor (rows,) for each, or several sets of as many (sets, m, rows), of zeros where there are fewer;
-    means: of their priors, 0 by default. rounds: in which the weight of the priors follows from the residuals. Returns
+    means: of their priors, in one array. rounds: in which the weight of the priors follows from the residuals. Returns
     the fit, whose last rows are the prior, and the standard deviation of a row by which these are weighted: rows share
     data, so each holds less information than its residual alone implies.
     """
     rows = len(fit.rows)
     more = np.asarray(extra) if len(extra) else np.zeros((0, rows))
     beside = Beside.of(fit.columns, fit.plain, more.swapaxes(-1, -2))
-    expected = np.asarray(means) if len(means) else np.zeros(more.shape[-2])
     least = ROUNDING * np.sqrt(fit.known @ fit.known / (rows + np.any(more, axis=-1).sum(axis=-1)))
 
     def error_of(left: Array) -> Array:
@@ -226,50 +225,47 @@ def fit_with_prior(
     for _ in range(rounds - 1):
         if np.all(np.abs(error - before) < EQUAL * error):
             break
-        before, error = error, error_of(beside.left(error, expected))
-    return beside.solved(error, expected), error
+        before, error = error, error_of(beside.left(error, means))
+    return beside.solved(error, means), error
 
 
 def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
-    """The fit with the effect of every declared imperfection; nonlinearities and latencies of encoders are fitted.
+    """The fit with everything that is stated as uncertain, see `with_errors`."""
+    return with_errors(fit, errors_of(fit.rows, signals, rig, fit.equation, fit.coefficients))
+
+
+def with_errors(fit: WindowFit, items: Sequence[RowError]) -> WindowFit:
+    """The fit with the effect of every one of these errors; nonlinearities and latencies of encoders are fitted.
 
     These enter the rows linearly and their standard deviations are declared, so their amplitudes are unknowns with that
     prior, of which the log determines what it can (THEORY 4, self-calibration). Constants are no unknowns: their
-    declared uncertainty is propagated.
+    declared uncertainty is propagated. What is noise of a rate is of type A.
     """
-    items = errors_of(fit.rows, signals, rig, fit.equation, fit.coefficients)
-    fit = _with_wandering(with_fitted(fit, [item for item in items if item.of.fitted]))
-    passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.of.fitted]
-    return replace(fit, declared=(*fit.declared, *passed)) if passed else fit
+    fitted = [item for item in items if item.of.fitted]
+    fit = with_fitted(fit, [fitted])[0] if fitted else replace(fit, declared=())
+    passed = (Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.of.fitted)
+    effects = [*fit.declared, *passed]
+    noise = tuple(effect for effect in effects if effect.item.of.of_noise)
+    return replace(
+        fit,
+        covariance=fit.covariance + sum(np.outer(effect.shifts, effect.shifts) for effect in noise),
+        computed=fit.computed + sum(float(effect.shifts[0]) ** 2 for effect in noise),
+        declared=tuple(effect for effect in effects if not effect.item.of.of_noise),
+        wandering=noise,
+    )
 
 
-def _with_wandering(fit: WindowFit) -> WindowFit:
-    """The fit with what is declared and what is noise of a rate apart; the latter is of type A."""
-    noise = tuple(effect for effect in fit.declared if effect.item.of.of_noise)
-    if not noise:
-        return fit
-    covariance = fit.covariance + sum(np.outer(effect.shifts, effect.shifts) for effect in noise)
-    computed = fit.computed + sum(float(effect.shifts[0]) ** 2 for effect in noise)
-    declared = tuple(effect for effect in fit.declared if not effect.item.of.of_noise)
-    return replace(fit, covariance=covariance, computed=computed, declared=declared, wandering=noise)
-
-
-def with_fitted(fit: WindowFit, items: Sequence[RowError], rounds: int = 2) -> WindowFit:
-    """The fit with these imperfections as unknowns under their priors, whose effects alone are `declared` then.
+def with_fitted(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: int = 2) -> list[WindowFit]:
+    """The fits with each list of errors as unknowns under their priors, all at once; these alone are `declared`.
 
     rounds: in which the weight of the priors follows from the residuals; more where these fall by much.
     """
-    return fitted_with(fit, [items], rounds)[0] if items else replace(fit, declared=()) if fit.declared else fit
-
-
-def fitted_with(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: int = 2) -> list[WindowFit]:
-    """As `with_fitted`, one fit for each list of imperfections, all at once; only a single list may have means."""
-    rows, p = len(fit.rows), len(fit.unknowns)
-    extra = np.zeros((len(several), max(len(items) for items in several), rows))
-    for own, items in zip(extra, several, strict=True):
-        for column, item in zip(own, items, strict=False):
-            np.multiply(item.rows, -item.std, out=column)
-    means = [item.of.mean for item in several[0]] if len(several) == 1 else ()
+    rows, p, most = len(fit.rows), len(fit.unknowns), max(len(items) for items in several)
+    extra, means = np.zeros((len(several), most, rows)), np.zeros((len(several), most))
+    for k, items in enumerate(several):
+        for j, item in enumerate(items):
+            np.multiply(item.rows, -item.std, out=extra[k, j])
+            means[k, j] = item.of.mean
     solved, errors = fit_with_prior(fit, extra, rounds, means)
     data = LinearFit(solved.values[:, :p], solved.residuals[:, :rows], solved.influence[:, :p, :rows], solved.condition)
     covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.equation, fit.noise)
@@ -388,5 +384,5 @@ def sensor_variance(rows: Rows, influence: Array, values: Mapping[str, Any], noi
 
 def column_noise(windows: Windows, noise: Noise) -> float:
     """Variance of the regressor ∫φ'' q1 by noise of the angle, summed over the windows."""
-    white = noise.of_angle**2 * CURVATURE_POWER * windows.loud
-    return noise.step * (white + noise.rate**2 * SLOPE_POWER * windows.short)
+    white = noise.of_angle**2 * CURVATURE_POWER * float(windows.loudness @ windows.loudness)
+    return noise.step * (white + noise.rate**2 * SLOPE_POWER * float(np.sum(1 / windows.half)))

@@ -77,16 +77,6 @@ class Windows:
         return result
 
     @cached_property
-    def loud(self) -> float:
-        """Sum of the squares of `loudness`."""
-        return float(self.loudness @ self.loudness)
-
-    @cached_property
-    def short(self) -> float:
-        """Sum of 1 / half."""
-        return float(np.sum(1 / self.half))
-
-    @cached_property
     def neighbours(self) -> Array:
         """What white noise gives each window in common with itself and the next ones, see `neighbour_overlaps`."""
         return neighbour_overlaps(self.centres, self.half, REACH)
@@ -170,6 +160,13 @@ class Signals:
         if self.wheel_values is None or self.wheel_slopes is None:
             return None
         return self.nodes.cubics(self.wheel_values, self.wheel_slopes, derivative=1)
+
+    @cached_property
+    def level_shapes(self) -> dict[str, Array]:
+        """Errors at the nodes, per unit, of what is unknown of an integrated rate, by name."""
+        instants = self.nodes.flat[0].reshape(self.angle.shape)
+        unknowns = {} if self.encoders.level is None else self.encoders.level.unknowns(instants)
+        return {name: one.shape for name, one in unknowns.items()}
 
     @cached_property
     def fastest(self) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from swingid.balance.fits import (
     Effect,
     WindowFit,
     fit_rows,
-    fitted_with,
     residuals_beside,
     with_fitted,
     with_gravity_free,
@@ -205,7 +204,7 @@ def _with_place(fit: WindowFit, signals: Signals, kinds: Mapping[str, Array]) ->
     passed = [effect.item for effect in fit.declared if not effect.item.of.fitted]
     bare = fit_rows(fit.rows, fit.equation, fit.noise, fit.friction) if declared or fit.wandering else fit
     assert bare is not None  # there are rows enough for `fit`
-    plain = with_fitted(bare, declared, ROUNDS)
+    plain = with_fitted(bare, [declared], ROUNDS)[0] if declared else replace(bare, declared=())
     std = PLACE_SHARE * (
         abs(plain.value("gravity_torque")) or float(np.max(np.abs(plain.a11 * fit.rows["inertia"]))) / float(fit.half)
     )
@@ -213,7 +212,7 @@ def _with_place(fit: WindowFit, signals: Signals, kinds: Mapping[str, Array]) ->
         return []
     place = Perturbation("place", std, None, fitted=True)
     several = [[*declared, *(RowError(place, own) for own in columns.T)] for columns in kinds.values()]
-    fits = zip(kinds, fitted_with(bare, several, ROUNDS), strict=True)
+    fits = zip(kinds, with_fitted(bare, several, ROUNDS), strict=True)
     count = len(declared)
     # a torque so large that it would be known is none: then the residuals have another cause, as a camera
     found = {k: more for k, more in fits if all(abs(effect.value) <= INDICATED for effect in more.declared[count:])}

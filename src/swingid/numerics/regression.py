@@ -199,15 +199,6 @@ def parzen(reach: int) -> Array:
     return np.asarray(np.where(x < 0.5, 1 - 6 * x**2 + 6 * x**3, 2 * (1 - x) ** 3))
 
 
-def _weighted_products(scores: Array, weights: Array) -> Array:
-    """Products of scores (p, n) with themselves (p, p), summed over lags with weights from lag 0 (weight 1) on."""
-    covariance: Array = scores @ scores.T
-    for k, weight in enumerate(weights[1:], start=1):
-        cross = scores[:, k:] @ scores[:, :-k].T
-        covariance += weight * (cross + cross.T)
-    return covariance
-
-
 @lru_cache(16)
 def _parzen_spectrum(reach: int, size: int) -> Array:
     """Roots of the weights of a real spectrum's powers in sums of products under Parzen's kernel; `size` samples."""
@@ -244,6 +235,5 @@ NEIGHBOURS = np.array([1.0, 0.5])
 def block_covariance(scores: Array, unknowns: int) -> Array:
     """Newey–West covariance of sums over blocks, scores (p, blocks), one neighbour correlated."""
     blocks = scores.shape[1]
-    covariance = _weighted_products(scores, NEIGHBOURS if blocks > 2 else NEIGHBOURS[:1])
-    result: Array = covariance * (blocks / max(blocks - unknowns, 1))
+    result: Array = _newey_west(scores, 1 if blocks > 2 else 0) * (blocks / max(blocks - unknowns, 1))
     return result

@@ -359,7 +359,7 @@ def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
 
 def residuals_beside(fit: WindowFit, more: Array) -> Array:
     """Residuals of a fit with these columns (rows, m) added, without a prior."""
-    return fit.beside(more).solved().residuals
+    return fit.beside(more).alone().residuals
 
 
 def sensor_variance(rows: Rows, influence: Array, values: Mapping[str, Any], noise: Noise) -> tuple[Any, Any]:

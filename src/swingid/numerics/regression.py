@@ -159,8 +159,8 @@ class Beside:
         rest *= np.linalg.norm(rest, axis=-2, keepdims=True) > COLLINEAR * sizes
         return cls(fit, lever + again, rest)
 
-    def solved(self, error: Any = 0.0, means: Any = 0.0) -> LinearFit:
-        """The fit with both, values (p + m,), those of the fit first; 0 of a further column that X contains.
+    def alone(self, error: Any = 0.0, means: Any = 0.0) -> LinearFit:
+        """The further values (m,), their influence and the residuals of both; 0 of a column that X contains.
 
         error: standard deviation of a row by which a standard normal prior of the further values about these means (m,)
         is weighted; it is rows of the fit, the last ones. By default there is none.
@@ -171,7 +171,11 @@ class Beside:
         rest[..., :rows, :], left[..., :rows] = self.rest, self.fit.residuals
         rest[..., rows + prior, prior] = np.asarray(error)[..., None]
         left[..., rows:] = rest[..., rows + prior, prior] * means
-        more = fit_linear(rest, left)
+        return fit_linear(rest, left)
+
+    def solved(self, error: Any = 0.0, means: Any = 0.0) -> LinearFit:
+        """The fit with both, values (p + m,), those of the fit first; else as `alone`."""
+        more, rows = self.alone(error, means), self.rest.shape[-2]
         influence = np.concatenate([-product(self.lever, more.influence), more.influence], axis=-2)
         influence[..., : len(self.fit.influence), :rows] += self.fit.influence
         values = np.concatenate([self.fit.values - _times(self.lever, more.values), more.values], axis=-1)

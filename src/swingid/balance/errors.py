@@ -128,9 +128,7 @@ def _at_nodes(signals: Signals, one: Perturbation) -> tuple[Array, int]:
     The rate of a drive that is held is no function of the nodes: ∫φ (−τ') = ∫φ' τ.
     """
     if one.shape == "level":
-        assert signals.encoders.level is not None
-        instants = signals.nodes.flat[0].reshape(signals.angle.shape)
-        return signals.encoders.level.unknowns(instants)[one.source].shape, 0
+        return signals.level_shapes[one.source], 0
     channel = _channel(signals, one)
     if one.shape == "latency" and channel == "wheel":
         assert signals.wheel_rate is not None

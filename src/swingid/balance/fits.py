@@ -16,7 +16,7 @@ from swingid.balance.rows import Rows, Signals, Windows
 from swingid.model.equation import GRAVITY, SOUGHT, Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.regression import Beside, LinearFit, fit_linear
 from swingid.numerics.test_functions import CURVATURE_POWER, SLOPE_POWER, overlaps, rate_overlaps
 from swingid.preparation.noise import Noise
 from swingid.uncertainty.dark import shrunk
@@ -34,9 +34,6 @@ ROUNDING = 1e-9
 
 EQUAL = 1e-8
 """Relative change of the weight of a prior from which on the fit is the same."""
-
-SINGULAR, TINY = 1e-14, 1e-300
-"""What is added to scaled normal equations, and least power of a column: columns may be 0 or repeat another."""
 
 SLIGHT = 1e-6
 """Residuals as a share of the known side (RMS) below which no term is missing: they bias the inertia by about as much,
@@ -99,7 +96,8 @@ class WindowFit(NamedFit):
 
     declared: effect of each declared imperfection of the rig on the unknowns. wandering: those of zero, bias and random
     walk of an integrated rate, which the covariance contains. computed: variance of a11 that is not
-    estimated from the scatter of the rows: by the sensors' noise, and of attenuation.
+    estimated from the scatter of the rows: by the sensors' noise, and of attenuation. bare: the fit without what is
+    declared.
     """
 
     rows: Rows
@@ -109,6 +107,7 @@ class WindowFit(NamedFit):
     declared: tuple[Effect, ...] = ()
     wandering: tuple[Effect, ...] = ()
     computed: float = 0.0
+    bare: LinearFit | None = None
 
     @property
     def friction(self) -> tuple[str, ...]:
@@ -133,6 +132,16 @@ class WindowFit(NamedFit):
     def known(self) -> Array:
         """Known side of each row, see `known_side`."""
         return known_side(self.rows, self.equation)
+
+    @cached_property
+    def plain(self) -> LinearFit:
+        """Least squares without what is declared."""
+        return self.bare or fit_linear(self.columns, self.known)
+
+    def beside(self, more: Array) -> Beside:
+        """These columns (rows, m) beside those of the unknowns, for what the fit leaves."""
+        residuals = replace(self.plain, values=self.fit.values, residuals=self.fit.residuals)
+        return Beside.of(self.columns, residuals, more)
 
     @cached_property
     def explained(self) -> Array:
@@ -190,106 +199,74 @@ def fit_rows(rows: Rows, equation: Equation, noise: Noise, friction: tuple[str, 
         return None
     fit = fit_linear(columns, known_side(rows, equation))
     covariance, computed = covariance_of(fit, rows, unknowns, equation, noise)
-    return WindowFit(unknowns, fit, covariance, rows, equation, noise, rows.windows.middle, computed=computed)
+    return WindowFit(unknowns, fit, covariance, rows, equation, noise, rows.windows.middle, computed=computed, bare=fit)
 
 
 def fit_with_prior(
-    fit: WindowFit, extra: Sequence[Array], rounds: int = 2, means: Sequence[float] = ()
-) -> tuple[LinearFit, float]:
+    fit: WindowFit, extra: Sequence[Array] | Array, rounds: int = 2, means: Array | float = 0.0
+) -> tuple[LinearFit, Array]:
     """The fit with more unknowns, in units of their standard deviations, under a standard normal prior.
 
-    extra: one regressor (rows,) for each; means: of their priors, 0 by default. Returns the fit, whose last rows are
-    the prior, and the standard deviation of a row by which these are weighted: rows share data, so each holds less
-    information than its residual alone implies.
+    extra: one regressor (rows,) for each, or several sets of as many (sets, m, rows), of zeros where there are fewer;
+    means: of their priors, in one array. rounds: in which the weight of the priors follows from the residuals. Returns
+    the fit, whose last rows are the prior, and the standard deviation of a row by which these are weighted: rows share
+    data, so each holds less information than its residual alone implies.
     """
-    columns = np.array(extra).reshape(1, len(extra), len(fit.rows)).swapaxes(1, 2)
-    solved, error = fits_with_prior(fit, columns, rounds, means)
-    return solved[0], float(error[0])
+    rows = len(fit.rows)
+    more = np.asarray(extra) if len(extra) else np.zeros((0, rows))
+    beside = Beside.of(fit.columns, fit.plain, more.swapaxes(-1, -2))
+    least = ROUNDING * np.sqrt(fit.known @ fit.known / (rows + np.any(more, axis=-1).sum(axis=-1)))
 
+    def error_of(left: Array) -> Array:
+        result: Array = np.maximum(np.sqrt(LAG / 2 / rows) * np.linalg.norm(left, axis=-1), least)
+        return result
 
-def fits_with_prior(
-    fit: WindowFit, extra: Array, rounds: int = 2, means: Sequence[float] = ()
-) -> tuple[LinearFit, Array]:
-    """As `fit_with_prior`, several fits at once, each with its own `extra` (fits, rows, m); columns of 0 if fewer."""
-    known, (many, rows, count) = fit.known, extra.shape
-    unknowns, expected = len(fit.unknowns), np.asarray(means) if len(means) else np.zeros(count)
-    matrix = np.zeros((many, rows + count, unknowns + count))
-    matrix[:, :rows, :unknowns], matrix[:, :rows, unknowns:] = fit.columns, extra
-    own = matrix[:, :rows]
-    products, right = own.swapaxes(1, 2) @ own, known @ own
-    used = np.any(extra, axis=1).sum(axis=1)
-    residuals = np.broadcast_to(fit.fit.residuals[:rows], (many, rows))
-    least, before = ROUNDING * np.sqrt(known @ known / (rows + used)), np.zeros(many)
-    error, moving = np.zeros(many), np.ones(many, dtype=bool)
-    for k in range(rounds):
-        scatter = np.maximum(np.sqrt(LAG / 2 * np.einsum("ij,ij->i", residuals, residuals) / rows), least)
-        error = np.where(moving, scatter, error)
-        moving &= np.abs(error - before) >= EQUAL * error
-        if k == rounds - 1 or not moving.any():
+    error, before = error_of(fit.fit.residuals), np.asarray(np.inf)
+    for _ in range(rounds - 1):
+        if np.all(np.abs(error - before) < EQUAL * error):
             break
-        before = error
-        residuals = known - (own @ _under_prior(products, right, error, expected)[..., None])[..., 0]
-    prior = np.arange(count)
-    matrix[:, rows + prior, unknowns + prior] = error[:, None]
-    target = np.empty((many, rows + count))
-    target[:, :rows], target[:, rows:] = known, error[:, None] * expected
-    return fit_linear(matrix, target), error
-
-
-def _under_prior(products: Array, right: Array, error: Array, means: Array) -> Array:
-    """Values by the normal equations, the last ones under a normal prior with these means; quick, for residuals."""
-    products, right, size = products.copy(), right.copy(), right.shape[-1]
-    first, every = size - len(means), np.arange(size)
-    products[:, every[first:], every[first:]] += error[:, None] ** 2
-    right[:, first:] += error[:, None] ** 2 * means
-    scale = 1.0 / np.sqrt(np.maximum(products[:, every, every], TINY))
-    products *= scale[:, :, None] * scale[:, None, :]
-    products[:, every, every] += SINGULAR
-    values: Array = np.linalg.solve(products, (right * scale)[..., None])[..., 0] * scale
-    return values
+        before, error = error, error_of(beside.left(error, means))
+    return beside.solved(error, means), error
 
 
 def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
-    """The fit with the effect of every declared imperfection; nonlinearities and latencies of encoders are fitted.
+    """The fit with everything that is stated as uncertain, see `with_errors`."""
+    return with_errors(fit, errors_of(fit.rows, signals, rig, fit.equation, fit.coefficients))
+
+
+def with_errors(fit: WindowFit, items: Sequence[RowError]) -> WindowFit:
+    """The fit with the effect of every one of these errors; nonlinearities and latencies of encoders are fitted.
 
     These enter the rows linearly and their standard deviations are declared, so their amplitudes are unknowns with that
     prior, of which the log determines what it can (THEORY 4, self-calibration). Constants are no unknowns: their
-    declared uncertainty is propagated.
+    declared uncertainty is propagated. What is noise of a rate is of type A.
     """
-    items = errors_of(fit.rows, signals, rig, fit.equation, fit.coefficients)
-    fit = _with_wandering(with_fitted(fit, [item for item in items if item.of.fitted]))
-    passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.of.fitted]
-    return replace(fit, declared=(*fit.declared, *passed)) if passed else fit
+    fitted = [item for item in items if item.of.fitted]
+    fit = with_fitted(fit, [fitted])[0] if fitted else replace(fit, declared=())
+    passed = (Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.of.fitted)
+    effects = [*fit.declared, *passed]
+    noise = tuple(effect for effect in effects if effect.item.of.of_noise)
+    return replace(
+        fit,
+        covariance=fit.covariance + sum(np.outer(effect.shifts, effect.shifts) for effect in noise),
+        computed=fit.computed + sum(float(effect.shifts[0]) ** 2 for effect in noise),
+        declared=tuple(effect for effect in effects if not effect.item.of.of_noise),
+        wandering=noise,
+    )
 
 
-def _with_wandering(fit: WindowFit) -> WindowFit:
-    """The fit with what is declared and what is noise of a rate apart; the latter is of type A."""
-    noise = tuple(effect for effect in fit.declared if effect.item.of.of_noise)
-    if not noise:
-        return fit
-    covariance = fit.covariance + sum(np.outer(effect.shifts, effect.shifts) for effect in noise)
-    computed = fit.computed + sum(float(effect.shifts[0]) ** 2 for effect in noise)
-    declared = tuple(effect for effect in fit.declared if not effect.item.of.of_noise)
-    return replace(fit, covariance=covariance, computed=computed, declared=declared, wandering=noise)
-
-
-def with_fitted(fit: WindowFit, items: Sequence[RowError], rounds: int = 2) -> WindowFit:
-    """The fit with these imperfections as unknowns under their priors, whose effects alone are `declared` then.
+def with_fitted(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: int = 2) -> list[WindowFit]:
+    """The fits with each list of errors as unknowns under their priors, all at once; these alone are `declared`.
 
     rounds: in which the weight of the priors follows from the residuals; more where these fall by much.
     """
-    return fitted_with(fit, [items], rounds)[0] if items else replace(fit, declared=()) if fit.declared else fit
-
-
-def fitted_with(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: int = 2) -> list[WindowFit]:
-    """As `with_fitted`, one fit for each list of imperfections, all at once; only a single list may have means."""
-    rows, p = len(fit.rows), len(fit.unknowns)
-    extra = np.zeros((len(several), max(len(items) for items in several), rows))
-    for own, items in zip(extra, several, strict=True):
-        for column, item in zip(own, items, strict=False):
-            np.multiply(item.rows, -item.std, out=column)
-    means = [item.of.mean for item in several[0]] if len(several) == 1 else ()
-    solved, errors = fits_with_prior(fit, extra.swapaxes(1, 2), rounds, means)
+    rows, p, most = len(fit.rows), len(fit.unknowns), max(len(items) for items in several)
+    extra, means = np.zeros((len(several), most, rows)), np.zeros((len(several), most))
+    for k, items in enumerate(several):
+        for j, item in enumerate(items):
+            np.multiply(item.rows, -item.std, out=extra[k, j])
+            means[k, j] = item.of.mean
+    solved, errors = fit_with_prior(fit, extra, rounds, means)
     data = LinearFit(solved.values[:, :p], solved.residuals[:, :rows], solved.influence[:, :p, :rows], solved.condition)
     covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.equation, fit.noise)
     spreads = np.linalg.norm(solved.influence[:, p:], axis=2) * errors[:, None]
@@ -344,6 +321,27 @@ def covariance_of(
     return covariance, sensor + bias[..., 0] ** 2
 
 
+def covariance_by(
+    fit: WindowFit, influence: Array, residuals: Array | None = None, unknowns: int | None = None
+) -> Array:
+    """Type A covariance (..., m, m) of values of this influence (..., m, windows), as that of the inertia of a fit.
+
+    By sensor noise, and by the scatter of the residuals (of the fit, if not given) beyond it. unknowns: which these
+    residuals (..., windows) have used, if not those of the fit.
+    """
+    left = fit.fit.residuals if residuals is None else residuals
+    used = len(fit.unknowns) if unknowns is None else unknowns
+    found = LinearFit(np.zeros(used), left, influence, 1.0).covariance(LAG)
+    own = found.diagonal(0, -2, -1)
+    sensor, seen = sensor_variance(fit.rows, influence, fit.coefficients, fit.noise)
+    variances = with_excess(sensor, seen, own, max(len(fit.rows) - used, 1))
+    scale = np.sqrt(variances / np.maximum(own, 1e-300))
+    found *= scale[..., :, None] * scale[..., None, :]
+    at = np.arange(influence.shape[-2])
+    found[..., at, at] = variances
+    return found
+
+
 def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
     """Variance of a11 by sensor noise and by the lack of fit beyond it; of one fit or of many (arrays).
 
@@ -360,11 +358,8 @@ def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
 
 
 def residuals_beside(fit: WindowFit, more: Array) -> Array:
-    """Residuals of a fit with these columns (rows, m) added, without a prior; quick, without their values."""
-    columns, more = fit.columns, more / np.maximum(np.linalg.norm(more, axis=0), 1e-300)
-    free = more - columns @ np.linalg.lstsq(columns, more, rcond=1e-10)[0]
-    left: Array = fit.fit.residuals - free @ np.linalg.lstsq(free, fit.fit.residuals, rcond=1e-10)[0]
-    return left
+    """Residuals of a fit with these columns (rows, m) added, without a prior."""
+    return fit.beside(more).alone().residuals
 
 
 def sensor_variance(rows: Rows, influence: Array, values: Mapping[str, Any], noise: Noise) -> tuple[Any, Any]:
@@ -389,5 +384,5 @@ def sensor_variance(rows: Rows, influence: Array, values: Mapping[str, Any], noi
 
 def column_noise(windows: Windows, noise: Noise) -> float:
     """Variance of the regressor ∫φ'' q1 by noise of the angle, summed over the windows."""
-    white = noise.of_angle**2 * CURVATURE_POWER * windows.loud
-    return noise.step * (white + noise.rate**2 * SLOPE_POWER * windows.short)
+    white = noise.of_angle**2 * CURVATURE_POWER * float(windows.loudness @ windows.loudness)
+    return noise.step * (white + noise.rate**2 * SLOPE_POWER * float(np.sum(1 / windows.half)))

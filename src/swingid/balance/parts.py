@@ -1,7 +1,7 @@
 """Estimates of the inertia from parts of a log, which must agree: halves in time, amplitudes, directions of motion.
 
 The rows of one fit are divided, and both parts are fitted with all its unknowns. The difference of the two estimates is
-linear in the rows, so its variance is that of one value (`contrast.variances`): rows that share data, at the border of
+linear in the rows, so its variance is that of one value (`fits.covariance_by`): rows that share data, at the border of
 the parts, are counted as correlated. What is declared of the rig is the same in both and enters by the difference of
 its effects. A missing term, a friction that changes, a sensor that drifts, a late channel bias the parts differently.
 """
@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.contrast import variances
-from swingid.balance.fits import LAG, SLIGHT, WindowFit, column_noise
+from swingid.balance.fits import LAG, SLIGHT, WindowFit, column_noise, covariance_by
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import COMPARABLE
 from swingid.numerics.arrays import Array, Bools, median
@@ -136,7 +135,8 @@ def _comparisons(law: WindowFit, names: Sequence[str], parts: Bools) -> list[Com
     rests = fits.residuals.reshape(parts.shape).sum(axis=1)
     influence = np.stack([one, other, one - other, (one + other) / 2 - whole], axis=1)
     spare = parts.any(axis=1).sum(axis=1) / (LAG / 2) - 2 * count
-    found = variances(law, influence, rests, 2 * count) + np.sum((influence @ declared_effects(law)) ** 2, axis=2)
+    found = covariance_by(law, influence, rests, 2 * count).diagonal(0, 1, 2)
+    found = found + np.sum((influence @ declared_effects(law)) ** 2, axis=2)
     bent = law.a11 * column_noise(law.rows.windows, law.noise)
     one_bent, other_bent = bent * np.sum(one**2, axis=1), bent * np.sum(other**2, axis=1)
     found[:, 2] += (one_bent - other_bent) ** 2
@@ -184,10 +184,9 @@ def predicted(law: WindowFit) -> Prediction | None:
         return None
     fits = _fits_of(law, np.array([early, ~early]))
     influence, rests = fits.influence[0] - fits.influence[1], fits.residuals.sum(axis=0)
-    own = LinearFit(np.zeros(2 * count), rests, influence, 1.0).covariance(LAG)
-    scale = np.sqrt(variances(law, influence, rests, 2 * count) / np.maximum(np.diag(own), 1e-300))
     effects = influence @ declared_effects(law)
-    spread = (own * np.outer(scale, scale) + effects @ effects.T) @ (columns[~early].T @ columns[~early])
+    spread = covariance_by(law, influence, rests, 2 * count) + effects @ effects.T
+    spread = spread @ (columns[~early].T @ columns[~early])
     difference, last = columns[~early] @ (fits.values[0] - fits.values[1]), fits.residuals[1]
     excess, rest = float(difference @ difference), float(last @ last)
     mean, power = float(np.trace(spread)), float(np.trace(spread @ spread))
@@ -207,7 +206,7 @@ def declared_effects(law: WindowFit) -> Array:
         return np.zeros((len(law.rows), 1))
     effects = np.column_stack([effect.item.rows * effect.item.std for effect in law.declared])
     fitted = [effect.item.of.fitted for effect in law.declared]
-    alone = effects[:, fitted] - law.columns @ np.linalg.lstsq(law.columns, effects[:, fitted], rcond=1e-10)[0]
+    alone = law.beside(effects[:, fitted]).rest
     error = max(LAG / 2 * float(np.mean(law.fit.residuals**2)), 1e-300)
     posterior = np.linalg.inv(np.eye(sum(fitted)) + alone.T @ alone / error)
     effects[:, fitted] = effects[:, fitted] @ np.linalg.cholesky(posterior)

@@ -9,7 +9,7 @@ Only angles enter; the speed is needed only inside the friction terms.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -75,16 +75,6 @@ class Windows:
         """Factor of white noise in ∫φ'' of each window: half^(−3/2)."""
         result: Array = 1.0 / (self.half * np.sqrt(self.half))
         return result
-
-    @cached_property
-    def loud(self) -> float:
-        """Sum of the squares of `loudness`."""
-        return float(self.loudness @ self.loudness)
-
-    @cached_property
-    def short(self) -> float:
-        """Sum of 1 / half."""
-        return float(np.sum(1 / self.half))
 
     @cached_property
     def neighbours(self) -> Array:
@@ -172,6 +162,13 @@ class Signals:
         return self.nodes.cubics(self.wheel_values, self.wheel_slopes, derivative=1)
 
     @cached_property
+    def level_shapes(self) -> dict[str, Array]:
+        """Errors at the nodes, per unit, of what is unknown of an integrated rate, by name."""
+        instants = self.nodes.flat[0].reshape(self.angle.shape)
+        unknowns = {} if self.encoders.level is None else self.encoders.level.unknowns(instants)
+        return {name: one.shape for name, one in unknowns.items()}
+
+    @cached_property
     def fastest(self) -> float:
         """Speed that is exceeded for a thousandth of the time only."""
         return quantile(np.abs(self.speed).ravel(), 0.999)
@@ -194,6 +191,11 @@ class Signals:
         gravity = 0.0 if self.linear else float(np.mean(self.cosine))
         further = {term.name: float(np.mean(term.stiffness(self.angle))) for term in self.further}
         return {"gravity_torque": gravity, **further}
+
+    def stiffness(self, value: Callable[[str], float]) -> Array:
+        """Change of the conservative torques per rad or m at the nodes; value: of a coefficient by its name."""
+        found = np.zeros_like(self.angle) if self.linear else value("gravity_torque") * self.cosine
+        return sum((value(term.name) * term.stiffness(self.angle) for term in self.further), found)
 
     @cached_property
     def kept(self) -> dict[tuple[str, float], Array]:

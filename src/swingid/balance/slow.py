@@ -8,19 +8,18 @@ adds −κ δ, κ the stiffness (of gravity b cos q1). Both are columns beside t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from swingid.balance.contrast import variances
-from swingid.balance.fits import LAG, SLIGHT, WindowFit, fit_rows, residuals_beside
-from swingid.balance.rows import Signals, Windows
+from swingid.balance.fits import LAG, SLIGHT, WindowFit, covariance_by, fit_rows, residuals_beside
+from swingid.balance.rows import Signals, dry_column
 from swingid.balance.systematics import left_by_place
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
-from swingid.numerics.test_functions import project, project_steps
+from swingid.numerics.test_functions import project
 from swingid.result.data import Changing
 from swingid.uncertainty.significance import CERTAIN, DECISIVE, INDICATED, bayesian, normal_of_ratio
 
@@ -75,44 +74,22 @@ def has_stiffness(fit: WindowFit) -> bool:
 
 def slow_columns(signals: Signals, fit: WindowFit, kind: SlowKind, more: int = 0) -> dict[str, Array]:
     """The columns of a kind on the windows of a fit, by the names of their unknowns."""
-    windows, instants = fit.rows.windows, signals.nodes.flat[0]
-    x, rate = progress(signals, instants), 2 / float(signals.nodes.stamps[-1] - signals.nodes.stamps[0])
+    windows = fit.rows.windows
+    x, rate = progress(signals, signals.nodes.flat[0]), 2 / float(signals.nodes.stamps[-1] - signals.nodes.stamps[0])
     found: dict[str, Array] = {}
     for order in range(1, ORDERS[kind] + more + 1):
         shape = polynomial(order, x).reshape(signals.angle.shape)
         if kind == "zero":
-            found[name_of("zero", order)] = _smooth(signals, windows, [(-_stiffness(signals, fit) * shape, 0)])
-            continue
-        change = rate * slope(order, x).reshape(signals.angle.shape)
-        # ∫φ P q1' = −∫φ' P q1 − ∫φ P' q1: from the angle, as all columns
-        viscous = [(-signals.angle * shape, 1), (-signals.angle * change, 0)]
-        found[name_of("viscous", order)] = _smooth(signals, windows, viscous)
-        found[name_of("coulomb", order)] = _dry(signals, windows, order)
+            smooth = [(-signals.stiffness(fit.value) * shape, 0)]
+        else:
+            change = rate * slope(order, x).reshape(signals.angle.shape)
+            # ∫φ P q1' = −∫φ' P q1 − ∫φ P' q1: from the angle, as all columns
+            smooth = [(-signals.angle * shape, 1), (-signals.angle * change, 0)]
+            at_edges = polynomial(order, progress(signals, signals.edges[:-1]))
+            found[name_of("coulomb", order)] = dry_column(signals, windows, shape, at_edges)
+        name = name_of("zero" if kind == "zero" else "viscous", order)
+        found[name] = project(signals.nodes, smooth, windows.centres, windows.half).sum(axis=1)
     return {name: found[name] for name in names_of(kind, more)}
-
-
-def _stiffness(signals: Signals, fit: WindowFit) -> Array:
-    """Change of the conservative torques per rad at the nodes, N m/rad."""
-    stiffness = np.zeros_like(signals.angle) if signals.linear else fit.value("gravity_torque") * signals.cosine
-    for term in signals.further:
-        stiffness = stiffness + fit.value(term.name) * term.stiffness(signals.angle)
-    return stiffness
-
-
-def _smooth(signals: Signals, windows: Windows, shapes: Sequence[tuple[Array, int]]) -> Array:
-    """Sum of the modulated integrals of these shapes."""
-    found: Array = project(signals.nodes, list(shapes), windows.centres, windows.half).sum(axis=1)
-    return found
-
-
-def _dry(signals: Signals, windows: Windows, order: int) -> Array:
-    """∫φ P sgn q1', with its jumps integrated exactly as steps."""
-    edges, directions = signals.edges, signals.directions
-    steps = np.cumsum(np.diff(directions, prepend=0.0) * polynomial(order, progress(signals, edges[:-1])))
-    place = signals.since
-    whole = directions[place] * polynomial(order, progress(signals, signals.nodes.flat[0]))
-    left = (whole - steps[place]).reshape(signals.angle.shape)
-    return _smooth(signals, windows, [(left, 0)]) + project_steps(edges, steps, windows.centres, windows.half)
 
 
 def _roughly(signals: Signals, fit: WindowFit, kind: SlowKind) -> Array:
@@ -123,22 +100,22 @@ def _roughly(signals: Signals, fit: WindowFit, kind: SlowKind) -> Array:
     return np.column_stack([shape * base for base in bases for shape in shapes])
 
 
-def with_slow(fit: WindowFit, signals: Signals, kinds: Iterable[SlowKind], more: int = 0) -> WindowFit | None:
+def with_slow(fit: WindowFit, signals: Signals, kinds: Iterable[SlowKind]) -> WindowFit | None:
     """The fit with slow changes of these kinds as unknowns; None where there are too few rows. No declared effects."""
     columns: dict[str, Array] = {}
     for kind in kinds:
-        columns |= slow_columns(signals, fit, kind, more)
+        columns |= slow_columns(signals, fit, kind)
     return fit_rows(fit.rows.beside(columns), fit.equation, fit.noise, (*fit.friction, *columns))
 
 
 @dataclass(frozen=True)
 class SlowTest:
-    """What slow changes of one kind, as columns beside those of a fit, explain of its residuals.
+    """What slow changes, as columns (rows, m) beside those of a fit, explain of its residuals.
 
     significance: of the change, in standard deviations of a normal quantity. left: residuals beside them (rows,).
     """
 
-    kind: SlowKind
+    columns: Array
     significance: float
     left: Array
 
@@ -150,30 +127,28 @@ def slow_test(fit: WindowFit, signals: Signals, kind: SlowKind) -> SlowTest | No
     counted as in the fit; θᵀ V⁻¹ θ / m is nearly of the distribution F(m, ν). First with the polynomials at the middle
     of each window, which is quick and nearly right.
     """
-    names = names_of(kind)
-    freedom = len(fit.rows) / (LAG / 2) - len(fit.unknowns) - len(names)
-    left = fit.fit.residuals
-    if (kind == "zero" and not has_stiffness(fit)) or freedom < len(names):
+    count, left = len(names_of(kind)), fit.fit.residuals
+    few = len(fit.rows) / (LAG / 2) - len(fit.unknowns) - count < count
+    if few or (kind == "zero" and not has_stiffness(fit)):
         return None
     if float(left @ left) < SLIGHT**2 * float(fit.known @ fit.known):
         return None
-    quick = _tested(fit, kind, _roughly(signals, fit, kind), freedom)
+    quick = _tested(fit, _roughly(signals, fit, kind))
     if quick.significance < INDICATED:
         return quick
-    return _tested(fit, kind, np.column_stack(list(slow_columns(signals, fit, kind).values())), freedom)
+    return _tested(fit, np.column_stack(list(slow_columns(signals, fit, kind).values())))
 
 
-def _tested(fit: WindowFit, kind: SlowKind, columns: Array, freedom: float, beside: Array | None = None) -> SlowTest:
+def _tested(fit: WindowFit, columns: Array, beside: Array | None = None) -> SlowTest:
     """The test of these columns; beside: of other causes (rows, n), as further unknowns."""
-    known = fit.columns if beside is None else np.column_stack([fit.columns, beside])
-    solved = fit_linear(np.column_stack([known, columns]), fit.fit.residuals)
-    at, count = slice(known.shape[1], None), columns.shape[1]
-    theta, own = solved.values[at], solved.covariance(LAG)[at, at]
-    found = variances(fit, solved.influence[at], solved.residuals, len(solved.values))
-    scale = np.sqrt(found / np.maximum(np.diag(own), 1e-300))
+    count, more = columns.shape[1], columns if beside is None else np.hstack([beside, columns])
+    found, used = fit.beside(more).alone(), len(fit.unknowns) + more.shape[1]
+    theta = found.values[-count:]
+    own = covariance_by(fit, found.influence[-count:], found.residuals, used)
     # columns that are equal here, as of dry and viscous friction at one speed, count once
-    wald = float(theta @ np.linalg.pinv(own * np.outer(scale, scale), hermitian=True) @ theta) / count
-    return SlowTest(kind, normal_of_ratio(wald, count, freedom), solved.residuals)
+    wald = float(theta @ np.linalg.pinv(own, hermitian=True) @ theta) / count
+    freedom = max(len(fit.rows) / (LAG / 2) - used, 1.0)
+    return SlowTest(columns, normal_of_ratio(wald, count, freedom), found.residuals)
 
 
 def slow_kinds(fit: WindowFit, signals: Signals, others: Iterable[Array]) -> tuple[SlowKind, ...]:
@@ -182,8 +157,8 @@ def slow_kinds(fit: WindowFit, signals: Signals, others: Iterable[Array]) -> tup
     others: columns (rows, n) of other causes; any torque that depends on the angle is one, too. It explains more where
     its Bayesian criterion is lower by `DECISIVE`: noise of the samples hides such differences, and no change.
     """
-    tests = (slow_test(fit, signals, kind) for kind in ORDERS)
-    found = [test for test in tests if test is not None and test.significance > CERTAIN]
+    tests = {kind: slow_test(fit, signals, kind) for kind in ORDERS}
+    found = {kind: test for kind, test in tests.items() if test is not None and test.significance > CERTAIN}
     if not found:
         return ()
     rows, causes = len(fit.rows), [columns for columns in others if columns.shape[1]]
@@ -192,22 +167,11 @@ def slow_kinds(fit: WindowFit, signals: Signals, others: Iterable[Array]) -> tup
     left.append((rows * left_by_place(fit, signals, np.zeros((rows, 0))), 1))
     best = min(bayesian(power, count, independent) for power, count in left)
     return tuple(
-        test.kind
-        for test in found
-        if bayesian(float(test.left @ test.left), len(names_of(test.kind)), independent) < best + DECISIVE
-        and _survives(fit, signals, test.kind, causes)
+        kind
+        for kind, test in found.items()
+        if bayesian(float(test.left @ test.left), test.columns.shape[1], independent) < best + DECISIVE
+        and all(_tested(fit, test.columns, beside).significance > CERTAIN for beside in causes)
     )
-
-
-def _survives(fit: WindowFit, signals: Signals, kind: SlowKind, causes: Iterable[Array]) -> bool:
-    """Whether a change is significant beside each of the other causes."""
-    columns = np.column_stack(list(slow_columns(signals, fit, kind).values()))
-    used = len(fit.unknowns) + columns.shape[1]
-    for beside in causes:
-        freedom = max(len(fit.rows) / (LAG / 2) - used - beside.shape[1], 1.0)
-        if not _tested(fit, kind, columns, freedom, beside).significance > CERTAIN:
-            return False
-    return True
 
 
 @dataclass(frozen=True)
@@ -230,8 +194,9 @@ def slow_effects(law: WindowFit, signals: Signals, kinds: Iterable[SlowKind]) ->
         without = fit_linear(np.delete(columns, slice_of(law, kind), axis=1), target)
         more = slow_columns(signals, law, kind, 1)
         further = np.column_stack([column for name, column in more.items() if name not in law.unknowns])
-        next_order = fit_linear(np.column_stack([columns, further]), law.fit.residuals)
-        found.append(SlowEffect(kind, law.a11 - float(without.values[0]), abs(float(next_order.values[0]))))
+        next_order = law.beside(further).solved()
+        change = law.a11 - float(without.values[0])
+        found.append(SlowEffect(kind, change, abs(float(next_order.values[0]) - law.a11)))
     return found
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from swingid.balance.fits import (
     Effect,
     WindowFit,
     fit_rows,
-    fitted_with,
     residuals_beside,
     with_fitted,
     with_gravity_free,
@@ -29,7 +28,6 @@ from swingid.model.equation import GRAVITY
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project, superpose, superposed
-from swingid.preparation.noise import Noise
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import INDICATED
 
@@ -84,19 +82,9 @@ def angle_weights(signals: Signals, fits: Sequence[WindowFit], unknown: str = "i
         for k, fit in enumerate(new):
             axis = found[0, k] * fit.a11
             if pulled:
-                axis += _stiffness(signals, fit) * found[1, k]
+                axis += signals.stiffness(fit.value).ravel() * found[1, k]
             fit.kept[key] = axis, found[0, k] * fit.value("wheel")
     return [fit.kept[key] for fit in fits]
-
-
-def _stiffness(signals: Signals, fit: WindowFit) -> Array:
-    """Change of the torques of gravity and of the further terms per radian at the nodes, in one row."""
-    pulls = (
-        [(fit.value("gravity_torque"), signals.cosine)] if fit.value("gravity_torque") and not signals.linear else []
-    )
-    for term in signals.further:
-        pulls.append((fit.value(term.name), term.stiffness(signals.angle)))
-    return sum((pull * slope.ravel() for pull, slope in pulls), np.zeros(signals.angle.size))
 
 
 def grid_spread(signals: Signals, fit: WindowFit, unknown: str) -> float:
@@ -106,34 +94,25 @@ def grid_spread(signals: Signals, fit: WindowFit, unknown: str) -> float:
     as white noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step, and with it the
     zero of the angle, which is known no better than the step.
     """
-    if fit.noise.resolution == 0.0:
-        return 0.0
-    return _grid_spread(signals, fit, angle_weights(signals, [fit], unknown)[0][0])
-
-
-def _grid_spread(signals: Signals, fit: WindowFit, weights: Array) -> float:
-    """As `grid_spread`, of an unknown with these `angle_weights` of the axis."""
-    resolution = fit.noise.resolution
+    resolution, key = fit.noise.resolution, f"grid spread of {unknown}"
     if resolution == 0.0:
         return 0.0
-    steps = signals.nodes.flat[1]
-    # without BLAS, which would wake other processors for products of this length
-    effects = np.einsum("ij,j->i", signals.grid_errors(resolution), weights)
-    effects += resolution * SHIFTS * float(np.einsum("i,i->", steps, weights))
-    white = resolution**2 / 12 * fit.noise.step * float(np.einsum("i,i,i->", steps, weights, weights))
-    return float(np.sqrt(max(float(effects @ effects) / len(effects) - white, 0.0)))
+    if key not in fit.kept:
+        steps, (weights, _) = signals.nodes.flat[1], angle_weights(signals, [fit], unknown)[0]
+        # without BLAS, which would wake other processors for products of this length
+        effects = np.einsum("ij,j->i", signals.grid_errors(resolution), weights)
+        effects += resolution * SHIFTS * float(np.einsum("i,i->", steps, weights))
+        white = resolution**2 / 12 * fit.noise.step * float(np.einsum("i,i,i->", steps, weights, weights))
+        fit.kept[key] = float(np.sqrt(max(float(effects @ effects) / len(effects) - white, 0.0)))
+    found: float = fit.kept[key]
+    return found
 
 
 def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit) -> float:
     """Variance of the difference of two fits' a11 by white noise of the same samples."""
+    weights, noise = signals.nodes.flat[1], one.noise
     both = [angle_weights(signals, [fit])[0] for fit in (one, other)]
-    return _variance_between(signals, one.noise, *both)
-
-
-def _variance_between(signals: Signals, noise: Noise, one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
-    """As `variance_of_difference`, of fits with these `angle_weights`."""
-    weights = signals.nodes.flat[1]
-    axis, wheel = [mine - theirs for mine, theirs in zip(one, other, strict=True)]
+    axis, wheel = (mine - theirs for mine, theirs in zip(*both, strict=True))
     squares = (float(np.einsum("i,i,i->", weights, own, own)) for own in (axis, wheel))
     power = sum(sigma**2 * square for sigma, square in zip((noise.of_angle, noise.of_wheel), squares, strict=True))
     for rate, own in ((noise.rate, axis), (noise.wheel_rate, wheel)):
@@ -219,55 +198,42 @@ class PlaceFit:
         return self.more.a11 - self.plain.a11
 
 
-class _Plain:
-    """A fit without a torque that depends on the angle; what the fits with one have in common, computed once."""
+def _with_place(fit: WindowFit, signals: Signals, kinds: Mapping[str, Array]) -> list[PlaceFit]:
+    """The fits with each kind of torque, by its columns (rows, n), that the residuals do not reject."""
+    declared = [effect.item for effect in fit.declared if effect.item.of.fitted]
+    passed = [effect.item for effect in fit.declared if not effect.item.of.fitted]
+    bare = fit_rows(fit.rows, fit.equation, fit.noise, fit.friction) if declared or fit.wandering else fit
+    assert bare is not None  # there are rows enough for `fit`
+    plain = with_fitted(bare, [declared], ROUNDS)[0] if declared else replace(bare, declared=())
+    std = PLACE_SHARE * (
+        abs(plain.value("gravity_torque")) or float(np.max(np.abs(plain.a11 * fit.rows["inertia"]))) / float(fit.half)
+    )
+    if std == 0.0:
+        return []
+    place = Perturbation("place", std, None, fitted=True)
+    several = [[*declared, *(RowError(place, own) for own in columns.T)] for columns in kinds.values()]
+    fits = zip(kinds, with_fitted(bare, several, ROUNDS), strict=True)
+    count = len(declared)
+    # a torque so large that it would be known is none: then the residuals have another cause, as a camera
+    found = {k: more for k, more in fits if all(abs(effect.value) <= INDICATED for effect in more.declared[count:])}
+    angle_weights(signals, [plain, *found.values()])
+    return [
+        PlaceFit(kind, more, plain, _variance_by_place(signals, plain, more, more.declared[count:], passed))
+        for kind, more in found.items()
+    ]
 
-    def __init__(self, fit: WindowFit, signals: Signals) -> None:
-        self.signals = signals
-        self.declared = [effect.item for effect in fit.declared if effect.item.of.fitted]
-        self.passed = [effect.item for effect in fit.declared if not effect.item.of.fitted]
-        bare = fit_rows(fit.rows, fit.equation, fit.noise, fit.friction) if self.declared or fit.wandering else fit
-        assert bare is not None  # there are rows enough for `fit`
-        self.bare, self.fit = bare, with_fitted(bare, self.declared, ROUNDS)
-        (self.weights,) = angle_weights(signals, [self.fit])
-        self.grid = _grid_spread(signals, self.fit, self.weights[0])
 
-    def beside(self, kinds: Mapping[str, Array]) -> list[PlaceFit]:
-        """The fits with each kind of torque, by its columns (rows, n), that the residuals do not reject."""
-        fit = self.fit
-        std = PLACE_SHARE * (
-            abs(fit.value("gravity_torque")) or float(np.max(np.abs(fit.a11 * fit.rows["inertia"]))) / float(fit.half)
-        )
-        if std == 0.0:
-            return []
-        place = Perturbation("place", std, None, fitted=True)
-        several = [[*self.declared, *(RowError(place, own) for own in columns.T)] for columns in kinds.values()]
-        fits = zip(kinds, fitted_with(self.bare, several, ROUNDS), strict=True)
-        found = {kind: more for kind, more in fits if self._possible(more)}
-        weights = angle_weights(self.signals, list(found.values()))
-        return [
-            PlaceFit(kind, more, fit, self._variance(more, own))
-            for (kind, more), own in zip(found.items(), weights, strict=True)
-        ]
-
-    def _own(self, more: WindowFit) -> Sequence[Effect]:
-        """The effects of the torque alone."""
-        return more.declared[len(self.declared) :]
-
-    def _possible(self, more: WindowFit) -> bool:
-        """Whether the torque is not so large that it is known: then the residuals have another cause, as a camera."""
-        return all(abs(effect.value) <= INDICATED for effect in self._own(more))
-
-    def _variance(self, more: WindowFit, weights: tuple[Array, Array]) -> float:
-        """Of the change of a11 by the torque; weights: `angle_weights` of the fit with it."""
-        plain = self.fit
-        # windows that are not the best for both fits do not make the difference of the variances that of the difference
-        noise = max(abs(more.u**2 - plain.u**2), _variance_between(self.signals, more.noise, weights, self.weights))
-        variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in self._own(more))
-        variance += self.grid**2 + _grid_spread(self.signals, more, weights[0]) ** 2
-        variance += (attenuation(more) - attenuation(plain)) ** 2
-        change = more.fit.influence[0] - plain.fit.influence[0]
-        return float(variance + sum((float(change @ item.rows) * item.std) ** 2 for item in self.passed))
+def _variance_by_place(
+    signals: Signals, plain: WindowFit, more: WindowFit, own: Sequence[Effect], passed: Sequence[RowError]
+) -> float:
+    """Of the change of a11 by a torque, of which `own` are the effects; passed: what is declared and not fitted."""
+    # windows that are not the best for both fits do not make the difference of the variances that of the difference
+    noise = max(abs(more.u**2 - plain.u**2), variance_of_difference(signals, more, plain))
+    variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in own)
+    variance += grid_spread(signals, plain, "inertia") ** 2 + grid_spread(signals, more, "inertia") ** 2
+    variance += (attenuation(more) - attenuation(plain)) ** 2
+    change = more.fit.influence[0] - plain.fit.influence[0]
+    return float(variance + sum((float(change @ item.rows) * item.std) ** 2 for item in passed))
 
 
 def attenuation(fit: WindowFit) -> float:
@@ -313,17 +279,17 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
             continue
         kinds = _kinds(shape_columns(fit, signals, shapes))
         columns = np.concatenate(list(kinds.values()), axis=1)
-        alone = columns - fit.columns @ np.linalg.lstsq(fit.columns, columns, rcond=1e-10)[0]
-        change = np.abs(fit.fit.influence[0] @ columns) / np.maximum(np.linalg.norm(alone, axis=0), 1e-300)
+        alone = np.linalg.norm(fit.beside(columns).rest, axis=0)
+        change = np.abs(fit.fit.influence[0] @ columns) / np.maximum(alone, 1e-300)
         change *= float(np.sqrt(left / len(columns))) / max(abs(fit.a11), 1e-300)
         edges = np.cumsum([own.shape[1] for own in kinds.values()])[:-1]
         for (kind, own), uncertain in zip(kinds.items(), map(np.sum, np.split(change, edges)), strict=True):
             if kind not in best or uncertain < best[kind][0]:
                 best[kind] = float(uncertain), fit, own
         if fit is law:
-            found += _Plain(fit, signals).beside(kinds)
+            found += _with_place(fit, signals, kinds)
     for other in {id(fit): fit for _, fit, _ in best.values() if fit is not law}.values():
-        found += _Plain(other, signals).beside({kind: own for kind, (_, fit, own) in best.items() if fit is other})
+        found += _with_place(other, signals, {kind: own for kind, (_, fit, own) in best.items() if fit is other})
     return found
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from swingid.balance.choice import FLAT, FURTHER, gain
 from swingid.balance.errors import channel_errors, constant_error
-from swingid.balance.fits import BASIS, Effect, WindowFit, fit_rows, with_fitted
+from swingid.balance.fits import BASIS, WindowFit, fit_rows, with_errors
 from swingid.balance.motor_on_axis import is_open, volts, with_motor
 from swingid.balance.perturbations import RowError, of_channels, of_constants
 from swingid.balance.rows import Rows, Signals, Windows, rows_of
@@ -112,7 +112,7 @@ class Together:
         fit = fit or self.law
         rows, at = (self.own[k], self.places[k]) if fit is self.law else _alone(self.runs, fit, k)
         data = LinearFit(fit.fit.values, fit.fit.residuals[at], fit.fit.influence[:, at], fit.fit.condition)
-        return replace(fit, fit=data, rows=rows)
+        return replace(fit, fit=data, rows=rows, bare=None)
 
     def grid(self) -> float:
         """Standard uncertainty of a11 by the grid phase of the encoder, as of `systematics.grid_spread`."""
@@ -266,11 +266,7 @@ def _with_cubic(tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
 
 def _declared(fit: WindowFit, runs: Sequence[Run]) -> WindowFit:
     """The fit with the effect of every declared imperfection, as `fits.with_declared`."""
-    items = declared_of(fit, runs)
-    half = fit.half
-    fit = with_fitted(fit, [item for item in items if item.of.fitted])
-    passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.of.fitted]
-    return replace(fit, declared=(*fit.declared, *passed), half=half)
+    return with_errors(fit, declared_of(fit, runs))
 
 
 def declared_of(fit: WindowFit, runs: Sequence[Run]) -> list[RowError]:

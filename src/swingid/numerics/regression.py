@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,9 @@ from swingid.numerics.arrays import Array
 
 NORMAL = 1e-8
 """Ratio of the powers of directions from which on the normal equations are solved: they square the condition."""
+
+TINY = 1e-300
+"""Least power that is divided by."""
 
 SINGLE, FEW = 1 << 18, 1 << 13
 """Products of matrices, and with a vector, from which on BLAS would wake other processors, which costs more than it
@@ -129,19 +132,75 @@ def _by_singular_values(scaled: Array, smallest: float) -> tuple[Array, Any]:
     return influence, np.inf if lost else float(sizes[0] / sizes[-1])
 
 
+COLLINEAR = 1e-9
+"""Share of a further column below which what the columns of a fit leave of it is rounding."""
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Further columns Z (n, m) beside the columns X (n, p) of a fit: partitioned regression (Frisch and Waugh 1933).
+
+    lever K Z (p, m): fall of the values of the fit per unit of a further one. rest Z − X K Z (n, m). Several sets of as
+    many further columns at once have one dimension more, the first.
+    """
+
+    fit: LinearFit
+    lever: Array
+    rest: Array
+
+    @classmethod
+    def of(cls, columns: Array, fit: LinearFit, more: Array) -> Beside:
+        """Of the columns (n, p) of a fit, whose residuals are those that the further ones (..., n, m) may explain."""
+        lever = fit.influence @ more
+        rest = more - columns @ lever
+        again = fit.influence @ rest  # what rounding left; twice is enough
+        rest -= columns @ again
+        sizes = np.linalg.norm(more, axis=-2, keepdims=True)
+        rest *= np.linalg.norm(rest, axis=-2, keepdims=True) > COLLINEAR * sizes
+        return cls(fit, lever + again, rest)
+
+    def alone(self, error: Any = 0.0, means: Any = 0.0) -> LinearFit:
+        """The further values (m,), their influence and the residuals of both; 0 of a column that X contains.
+
+        error: standard deviation of a row by which a standard normal prior of the further values about these means (m,)
+        is weighted; it is rows of the fit, the last ones. By default there is none.
+        """
+        *many, rows, count = self.rest.shape
+        prior = np.arange(count if np.any(error) else 0)
+        rest, left = np.zeros((*many, rows + len(prior), count)), np.zeros((*many, rows + len(prior)))
+        rest[..., :rows, :], left[..., :rows] = self.rest, self.fit.residuals
+        rest[..., rows + prior, prior] = np.asarray(error)[..., None]
+        left[..., rows:] = rest[..., rows + prior, prior] * means
+        return fit_linear(rest, left)
+
+    def solved(self, error: Any = 0.0, means: Any = 0.0) -> LinearFit:
+        """The fit with both, values (p + m,), those of the fit first; else as `alone`."""
+        more, rows = self.alone(error, means), self.rest.shape[-2]
+        influence = np.concatenate([-product(self.lever, more.influence), more.influence], axis=-2)
+        influence[..., : len(self.fit.influence), :rows] += self.fit.influence
+        values = np.concatenate([self.fit.values - _times(self.lever, more.values), more.values], axis=-1)
+        return LinearFit(values, more.residuals, influence, np.maximum(self.fit.condition, more.condition))
+
+    def left(self, error: Any, means: Any) -> Array:
+        """Residuals (..., n) under such a prior, by the normal equations: quick, for the weight of the prior."""
+        powers, directions = self._directions
+        weight = np.asarray(error)[..., None] ** 2
+        score = _times(self.rest.swapaxes(-1, -2), self.fit.residuals) + weight * means
+        turned = _times(directions.swapaxes(-1, -2), score) / np.maximum(powers + weight, TINY)
+        result: Array = self.fit.residuals - _times(self.rest, _times(directions, turned))
+        return result
+
+    @cached_property
+    def _directions(self) -> tuple[Array, Array]:
+        """Powers (..., m) of what the fit leaves of the further columns, and the directions that have them."""
+        powers, directions = np.linalg.eigh(gram(self.rest.swapaxes(-1, -2)))
+        return np.maximum(powers, 0.0), directions
+
+
 def parzen(reach: int) -> Array:
     """Parzen's weights of lags 0 to `reach`, shape (reach + 1,)."""
     x = np.arange(reach + 1) / (reach + 1)
     return np.asarray(np.where(x < 0.5, 1 - 6 * x**2 + 6 * x**3, 2 * (1 - x) ** 3))
-
-
-def _weighted_products(scores: Array, weights: Array) -> Array:
-    """Products of scores (p, n) with themselves (p, p), summed over lags with weights from lag 0 (weight 1) on."""
-    covariance: Array = scores @ scores.T
-    for k, weight in enumerate(weights[1:], start=1):
-        cross = scores[:, k:] @ scores[:, :-k].T
-        covariance += weight * (cross + cross.T)
-    return covariance
 
 
 @lru_cache(16)
@@ -180,6 +239,5 @@ NEIGHBOURS = np.array([1.0, 0.5])
 def block_covariance(scores: Array, unknowns: int) -> Array:
     """Newey–West covariance of sums over blocks, scores (p, blocks), one neighbour correlated."""
     blocks = scores.shape[1]
-    covariance = _weighted_products(scores, NEIGHBOURS if blocks > 2 else NEIGHBOURS[:1])
-    result: Array = covariance * (blocks / max(blocks - unknowns, 1))
+    result: Array = _newey_west(scores, 1 if blocks > 2 else 0) * (blocks / max(blocks - unknowns, 1))
     return result

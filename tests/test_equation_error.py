@@ -30,7 +30,7 @@ from swingid.methods.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, Cutoff
 from swingid.methods.equation_error.estimate import estimate
 from swingid.methods.equation_error.filtered import OnGrid, autocorrelation
 from swingid.methods.equation_error.grid import curvature, slope
-from swingid.methods.equation_error.lowpass import ZeroPhase
+from swingid.numerics.lowpass import ZeroPhase
 from swingid.numerics.regression import hac_covariance, parzen
 from swingid.preparation.prepared import prepare
 from swingid.preparation.scale import equation_of

@@ -20,9 +20,9 @@ from swingid.balance.perturbations import slopes_by
 from swingid.balance.rows import Rows, Signals, Windows, smooth_columns
 from swingid.methods.equation_error.cutoff import SETTLING, Cutoff
 from swingid.methods.equation_error.grid import STENCIL, Grid, as_held, curvature, even_grid, slope
-from swingid.methods.equation_error.lowpass import ZeroPhase
 from swingid.model.equation import Equation, shifted
 from swingid.numerics.arrays import Array, Bools
+from swingid.numerics.lowpass import ZeroPhase
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 
@@ -171,9 +171,8 @@ class OnGrid:
         """Filtered errors (8, rows) of the acceleration by the encoder's grid, shifted by eighths of its step."""
         key: tuple[Key, float] = ("grid errors", ()), row_filter.cutoff.frequency
         if key not in self.kept:
-            step = self.noise.resolution
-            shifted = [self.column("smooth angle") / step + k / GRID_PHASES for k in range(GRID_PHASES)]
-            self.kept[key] = row_filter(*(curvature(np.rint(one) - one, self.grid.step) for one in shifted)) * step
+            columns = [self.column("grid error", k / GRID_PHASES) for k in range(GRID_PHASES)]
+            self.kept[key] = row_filter(*columns) * self.noise.resolution
         return self.kept[key]
 
     def acting(self, channel: str, error: Array, values: Mapping[str, float]) -> Array:
@@ -218,10 +217,16 @@ class OnGrid:
             "stribeck": lambda: self.column("coulomb") * np.exp(-((self.column("smooth") / numbers[0]) ** 2)),
             "stribeck_speed": lambda: numbers[1] * stribeck_slope(self.column("smooth"), numbers[0]),
             "memory": self._impulses,
+            "grid error": lambda: self._grid_error(*numbers),
         }
         if name in of_name:
             return of_name[name]()
         return TERMS[name](self.column("smooth")) if name in TERMS else self._further(name)
+
+    def _grid_error(self, phase: float) -> Array:
+        """Second derivative of the error by a grid that is shifted by a share of its step, in steps / s²."""
+        shifted = self.column("smooth angle") / self.noise.resolution + phase
+        return curvature(np.rint(shifted) - shifted, self.grid.step)
 
     def _further(self, name: str) -> Array:
         """The regressor of a further term of the rig, or its derivative by its shift."""

@@ -88,7 +88,8 @@ class RowFit(WindowFit):
             smeared = float(self._lagged @ autocorrelation(own @ self.fit.influence, self.reach))
             # number of independent stretches of a Parzen kernel, as in `hac_covariance`
             chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.weights)))
-            self.kept[key] = float(np.sum(self._per_sample(own) ** 2)), max(seen - smeared - float(chance), 0.0)
+            noise = self._per_sample(own)
+            self.kept[key] = float(np.vdot(noise, noise)), max(seen - smeared - float(chance), 0.0)
         found: tuple[float, float] = self.kept[key]
         return found
 
@@ -183,8 +184,8 @@ class RowFit(WindowFit):
 
         Both fits are linear in the same noise, so its effect on their difference is known, that of the grid too.
         """
-        mine, theirs = (one._per_sample(one.of("inertia")) for one in (self, other))
-        variance = float(np.sum((mine - theirs) ** 2)) + rms(self.grid_effects() - other.grid_effects()) ** 2
+        noise = self._per_sample(self.of("inertia")) - other._per_sample(other.of("inertia"))
+        variance = float(np.vdot(noise, noise)) + rms(self.grid_effects() - other.grid_effects()) ** 2
         if self.lag == 0:
             variance += (self.a11 * (self.attenuation - other.attenuation)) ** 2
         return variance

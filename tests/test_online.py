@@ -24,9 +24,12 @@ from closed_form_logs import (
     wheel_log,
 )
 from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.numerics.regression import fit_linear
 from swingid.recording.recording import Recording
 from swingid.recursive import swing_estimates
 from swingid.recursive.rows import TOO_MANY_BAD, SwingBuffer
+from swingid.recursive.solution import Recursion, Reporter, Solution
+from swingid.recursive.stream import FIRST, Swings
 from twin_logs import given, logged, twin
 
 TIME = np.arange(0, 12, 1e-3)
@@ -60,6 +63,47 @@ def relative(one, other):
     return abs(one / other - 1)
 
 
+class AtOnce(Recursion):
+    """The same solution over all swings at once, by orthogonal decomposition of all their rows."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.blocks = []
+
+    def add(self, block):
+        super().add(block)
+        self.blocks.append(block)
+
+    def _solve(self, sought):
+        columns = np.vstack([block.columns for block in self.blocks])
+        fit = fit_linear(columns * sought, np.concatenate([block.target for block in self.blocks]))
+        ends = np.cumsum([len(block.target) for block in self.blocks])[:-1]
+        pairs = zip(np.split(columns, ends), np.split(fit.residuals, ends), strict=True)
+        scores = np.array([part.T @ left for part, left in pairs])
+        cross = scores[1:].T @ scores[:-1]
+        inverse = fit.influence @ fit.influence.T
+        declared = [block.declared(self.origin) for block in self.blocks]
+        for k, one in enumerate(self.errors.values()):
+            effect = fit.influence @ np.concatenate([items[k].rows for items in declared])
+            assert inverse @ one.rows == pytest.approx(effect, rel=1e-6, abs=1e-9 * np.abs(effect).max())
+        covariance, freedom = self._covariance(inverse, scores.T @ scores + (cross + cross.T) / 2, int(sought.sum()))
+        return Solution(fit.values, inverse, covariance, freedom)
+
+
+def estimates_at_once(log, rig, method):
+    swings, reporter, kept, found = Swings(rig, method), Reporter(rig.axis.model_uncertainty), [], []
+    for block in swings.blocks([log]):
+        kept.append(block)
+        if len(kept) == FIRST:
+            solver = AtOnce.of(kept, swings.equation, swings.noise)
+            for early in kept[:-1]:
+                solver.add(early)
+        if len(kept) >= FIRST:
+            solver.add(block)
+            found.append(reporter.estimate(block, solver, swings.reader.skipped, swings.lost))
+    return found
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_the_same_numbers_as_over_all_swings_at_once(twin_log, method):
     log, rig = twin_log
@@ -67,7 +111,8 @@ def test_the_same_numbers_as_over_all_swings_at_once(twin_log, method):
         {"axis.gravity_torque": "78e-3 ± 1e-4 N*m", "drive.wheel.inertia": "11.34e-5 ± 1e-8 kg*m^2"}
     )
     running = list(sw.online(uncertain, rows_of(log), method))
-    at_once = swing_estimates(log, uncertain, method)
+    at_once = estimates_at_once(log, uncertain, method)
+    assert running == swing_estimates(log, uncertain, method)
     assert [one.swing for one in running] == [one.swing for one in at_once]
     for one, other in zip(running, at_once, strict=True):
         assert relative(one.inertia.value, other.inertia.value) < 1e-12

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import swingid
+from swingid.balance.rows import Signals
 from swingid.batch import energy_batch, momentum_batch, plan_batch
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
@@ -20,6 +21,7 @@ from swingid.identification import identify
 from swingid.methods.equation_error.grid import even_grid
 from swingid.model.rig import Rig
 from swingid.preparation.encoders import Encoders
+from swingid.preparation.motion import find_motion
 from swingid.preparation.prepared import prepare
 from swingid.simulation import simulate
 from swingid.simulation.ensemble import simulate_ensemble
@@ -96,7 +98,8 @@ def test_a_held_torque_is_moved_on_the_grid_as_a_measured_one(late):
     log = late_log()
     encoders = Encoders.of(DIRECT).with_latency("angle", late, None)
     inner = slice(100, -100)
-    found = even_grid(log, DIRECT, encoders).torque[inner]
+    motion = find_motion(log.time, log.angle, 0.0)
+    found = even_grid(Signals.of(log, DIRECT, motion, encoders)).torque[inner]
     expected = np.interp(log.time + late - 0.5e-3, log.time, log.torque)[inner]  # a held value lags by half a row
     assert np.abs(found - expected).max() < 2e-3 * np.abs(log.torque).max()
 

@@ -106,6 +106,7 @@ class SwingBuffer:
     """Rows of the last two swings and a little more.
 
     least: swings smaller than this (rad or m) are noise. lost: pieces that were given up, for gaps or for their length.
+    _farthest: rows of the highest (1) and of the lowest angle (−1) since the axis turned around.
     """
 
     least: float
@@ -113,8 +114,7 @@ class SwingBuffer:
     extremes: list[int] = field(default_factory=list)
     lost: int = 0
     _direction: int = 0
-    _high: int = 0
-    _low: int = 0
+    _farthest: dict[int, int] = field(default_factory=lambda: {1: 0, -1: 0})
 
     def push(self, row: Row) -> tuple[Array, float] | None:
         """Take one row; the piece (rows, 4) around the turning point before the last, and its time, once known."""
@@ -131,7 +131,7 @@ class SwingBuffer:
         self.lost += 1
         del self.rows[:-1]
         self.extremes.clear()
-        self._direction = self._high = self._low = 0
+        self._direction, self._farthest = 0, {1: 0, -1: 0}
 
     @property
     def _threshold(self) -> float:
@@ -142,21 +142,16 @@ class SwingBuffer:
 
     def _turned(self) -> bool:
         """Whether the last row shows that an extreme was a turning point."""
-        last = len(self.rows) - 1
+        last, threshold = len(self.rows) - 1, self._threshold
         value = self.rows[last][1]
-        if value > self.rows[self._high][1]:
-            self._high = last
-        if value < self.rows[self._low][1]:
-            self._low = last
-        threshold = self._threshold
-        if self._direction >= 0 and self.rows[self._high][1] - value > threshold:
-            self.extremes.append(self._high)
-            self._direction, self._low, self._high = -1, last, last
-            return True
-        if self._direction <= 0 and value - self.rows[self._low][1] > threshold:
-            self.extremes.append(self._low)
-            self._direction, self._high, self._low = 1, last, last
-            return True
+        for side, far in self._farthest.items():
+            if side * value > side * self.rows[far][1]:
+                self._farthest[side] = last
+        for side, far in self._farthest.items():
+            if side * self._direction >= 0 and side * (self.rows[far][1] - value) > threshold:
+                self.extremes.append(far)
+                self._direction, self._farthest = -side, {1: last, -1: last}
+                return True
         return False
 
     def _piece(self) -> tuple[Array, float] | None:
@@ -169,6 +164,5 @@ class SwingBuffer:
         keep = max(middle - int(2 * MARGIN * (middle - first)) - 2, 0)
         del self.rows[:keep]
         self.extremes = [k - keep for k in self.extremes[-2:]]
-        self._high -= keep
-        self._low -= keep
+        self._farthest = {side: far - keep for side, far in self._farthest.items()}
         return piece

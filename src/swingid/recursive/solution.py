@@ -1,20 +1,18 @@
-"""Least squares over the rows of all swings, once over everything or swing by swing in constant memory; the estimates.
+"""Least squares over the rows of all swings, swing by swing in constant memory, and the estimates that it gives.
 
-Both give the same values. The recursion stores sums only: the information matrix X'X, X'y, and the second moments of
-the swings' own sums, from which the scatter of the swings follows for any values. y is relative to a first solution, so
-that no large numbers cancel in those sums.
+The recursion stores sums only: the information matrix X'X, X'y, and the second moments of the swings' own sums, from
+which the scatter of the swings follows for any values. y is relative to a first solution, so that no large numbers
+cancel in those sums.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from swingid.balance.fits import Effect
-from swingid.balance.perturbations import RowError
+from swingid.balance.perturbations import RowError, propagated
 from swingid.balance.rows import Windows
 from swingid.format import number
 from swingid.model.equation import Equation
@@ -34,7 +32,6 @@ MEMORY = "memory"
 SPARE = 3
 """Swings beyond the number of unknowns from which their scatter gives an uncertainty."""
 
-
 SCATTER = "scatter of the swings and sensor noise"
 
 PLAIN = ("gravity_torque", "coulomb", "viscous", "quadratic")
@@ -43,116 +40,21 @@ PLAIN = ("gravity_torque", "coulomb", "viscous", "quadratic")
 
 @dataclass(frozen=True)
 class Solution:
-    """Values of the unknowns (p,), type A covariance (None: too few swings), effects of what is declared.
-
-    freedom: degrees of freedom of the covariance.
-    """
+    """Values of the unknowns (p,), inverse (p, p) of X'X, type A covariance (None: too few swings) and its freedom."""
 
     values: Array
+    inverse: Array
     covariance: Array | None
-    effects: tuple[Effect, ...]
     freedom: float
-
-
-def first_solution(blocks: list[Block]) -> Array:
-    """Values from the first swings, from which the recursion starts; without an impulse at reversals."""
-    columns, target = _stacked(blocks)
-    return fit_linear(columns * _plain(blocks[0].unknowns), target).values
-
-
-def solve_all(blocks: list[Block], origin: Array, equation: Equation, noise: Noise) -> Solution:
-    """The solution over all swings at once, by orthogonal decomposition of all their rows.
-
-    origin: of `first_solution`; declared imperfections and the sensors' noise are evaluated at these values.
-    """
-    return _chosen(lambda sought: _solve_stacked(blocks, sought, origin, equation, noise), blocks[0].unknowns)
-
-
-def _solve_stacked(blocks: list[Block], sought: Bools, origin: Array, equation: Equation, noise: Noise) -> Solution:
-    """The solution for the unknowns `sought`, the others 0."""
-    columns, target = _stacked(blocks)
-    fit = fit_linear(columns * sought, target)
-    ends = np.cumsum([len(block.target) for block in blocks])[:-1]
-    pairs = zip(np.split(columns, ends), np.split(fit.residuals, ends), strict=True)
-    scores = np.array([part.T @ left for part, left in pairs])
-    cross = scores[1:].T @ scores[:-1]
-    sensor = np.zeros((len(origin), len(origin)))
-    for k, block in enumerate(blocks):
-        sensor += _sensor(block, blocks[k - 1] if k else None, origin, equation, noise)
-    declared = [block.declared(origin) for block in blocks]
-    effects = tuple(
-        Effect(one, fit.influence @ np.concatenate([items[k].rows for items in declared]) * one.std)
-        for k, one in enumerate(declared[0])
-    )
-    scatter = scores.T @ scores + (cross + cross.T) / 2
-    covariance, freedom = _covariance(fit.influence @ fit.influence.T, scatter, sensor, len(blocks), int(sought.sum()))
-    return Solution(fit.values, covariance, effects, freedom)
-
-
-def _plain(unknowns: tuple[str, ...]) -> Bools:
-    """Which unknowns are estimated in any case."""
-    return np.array([name != MEMORY for name in unknowns])
-
-
-def _chosen(solve: Callable[[Bools], Solution], unknowns: tuple[str, ...]) -> Solution:
-    """The solution with an impulse at reversals where it is significant, as in `momentum`; else the one without."""
-    plain = solve(_plain(unknowns))
-    if MEMORY not in unknowns:
-        return plain
-    full, k = solve(np.ones(len(unknowns), bool)), unknowns.index(MEMORY)
-    if full.covariance is None:
-        return plain
-    variance = float(full.covariance[k, k])
-    # of rounding errors alone, as with exact data, the variance may be below 0
-    return full if variance > 0 and abs(full.values[k]) > DETECTED * np.sqrt(variance) else plain
-
-
-def _stacked(blocks: list[Block]) -> tuple[Array, Array]:
-    return np.vstack([block.columns for block in blocks]), np.concatenate([block.target for block in blocks])
-
-
-def _sensor(block: Block, before: Block | None, origin: Array, equation: Equation, noise: Noise) -> Array:
-    """X' Ω X of a block and with the one before, Ω the covariance of the rows by white noise of both angles."""
-    if block.windows is None:
-        return np.zeros((len(origin), len(origin)))
-    power = ((origin[0] * noise.angle) ** 2 + (equation.value("wheel") * noise.wheel) ** 2) * noise.step
-    own = block.columns.T @ _overlap(block.windows, block.windows) @ block.columns
-    if before is not None and before.windows is not None:
-        shared = before.columns.T @ _overlap(before.windows, block.windows) @ block.columns
-        own = own + shared + shared.T
-    result: Array = own * power
-    return result
-
-
-def _overlap(first: Windows, second: Windows) -> Array:
-    """Covariance of ∫φ'' n of windows for noise n of unit power density."""
-    half = (first.half[:, None] + second.half) / 2
-    return np.asarray(curvature_overlap((first.centres[:, None] - second.centres) / half) / half**3)
-
-
-def _covariance(inverse: Array, scores: Array, sensor: Array, swings: int, unknowns: int) -> tuple[Array | None, float]:
-    """Covariance from the scatter of swings (neighbours may be correlated), or from sensor noise if that is larger.
-
-    Also its degrees of freedom: those of the scatter's part beyond the noise, which is computed.
-    """
-    if swings < unknowns + SPARE:
-        return None, math.inf
-    seen = inverse @ scores @ inverse * (swings / (swings - unknowns))
-    expected = inverse @ sensor @ inverse
-    if seen[0, 0] <= expected[0, 0]:
-        return (expected if seen[0, 0] <= 0 else seen * (expected[0, 0] / seen[0, 0])), math.inf
-    noise = math.sqrt(max(float(expected[0, 0]), 0.0))
-    beyond = math.sqrt(float(seen[0, 0]) - noise**2)
-    of_scatter = max((swings - unknowns) / lag_weights_power(bartlett(1)), 1.0)
-    return seen, effective_freedom(((noise, math.inf), (beyond, of_scatter)))
 
 
 @dataclass
 class Recursion:
-    """The same solution, swing by swing: sums of fixed size only.
+    """The least-squares solution over the rows of all swings so far, by sums of fixed size.
 
-    origin (p,): values of the `unknowns` relative to which y is taken. moments: of the swings' sums [X'y, X'X] with
-    themselves; crossed: with those of the swing before.
+    origin (p,): values of the `unknowns` relative to which y is taken, and at which the noise of the sensors and what
+    rig.toml declares are evaluated. errors: the declared perturbations, by source, with X'ρ in the place of their rows.
+    moments: of the swings' sums [X'y, X'X] with themselves; crossed: with those of the swing before.
     """
 
     unknowns: tuple[str, ...]
@@ -160,6 +62,7 @@ class Recursion:
     equation: Equation
     noise: Noise
     swings: int = 0
+    errors: dict[str, RowError] = field(default_factory=dict)
     _gram: Array = field(init=False)
     _right: Array = field(init=False)
     _moments: Array = field(init=False)
@@ -167,7 +70,14 @@ class Recursion:
     _sensor: Array = field(init=False)
     _before: Block | None = None
     _sums: Array | None = None
-    _declared: dict[str, tuple[RowError, Array]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, blocks: list[Block], equation: Equation, noise: Noise) -> Recursion:
+        """Begun with the solution of the first swings, without an impulse at reversals; it contains none of them."""
+        unknowns = blocks[0].unknowns
+        columns = np.vstack([block.columns for block in blocks]) * _plain(unknowns)
+        first = fit_linear(columns, np.concatenate([block.target for block in blocks]))
+        return cls(unknowns, first.values, equation, noise)
 
     def __post_init__(self) -> None:
         p = len(self.origin)
@@ -184,16 +94,24 @@ class Recursion:
         self._moments += np.outer(sums, sums)
         if self._sums is not None:
             self._crossed += np.outer(sums, self._sums)
-        self._sensor += _sensor(block, self._before, self.origin, self.equation, self.noise)
-        for item in block.declared(self.origin):
-            _, total = self._declared.get(item.source, (item, np.zeros(len(right))))
-            self._declared[item.source] = item, total + block.columns.T @ item.rows
+        self._sensor += self._noise_of(block)
+        for one in block.declared(self.origin):
+            before = self.errors[one.source].rows if one.source in self.errors else 0.0
+            self.errors[one.source] = replace(one, rows=before + block.columns.T @ one.rows)
         self._before, self._sums = block, sums
         self.swings += 1
 
     def solution(self) -> Solution:
-        """The solution over all swings taken so far."""
-        return _chosen(self._solve, self.unknowns)
+        """The solution with an impulse at reversals where it is significant, as in `momentum`; else the one without."""
+        plain = self._solve(_plain(self.unknowns))
+        if MEMORY not in self.unknowns:
+            return plain
+        full, k = self._solve(np.ones(len(self.unknowns), bool)), self.unknowns.index(MEMORY)
+        if full.covariance is None:
+            return plain
+        variance = float(full.covariance[k, k])
+        # of rounding errors alone, as with exact data, the variance may be below 0
+        return full if variance > 0 and abs(full.values[k]) > DETECTED * np.sqrt(variance) else plain
 
     def _solve(self, sought: Bools) -> Solution:
         """The solution for the unknowns `sought`, the others 0."""
@@ -209,9 +127,49 @@ class Recursion:
         to_score = np.hstack([np.eye(p), -np.kron(np.eye(p), step)])
         cross = to_score @ self._crossed @ to_score.T
         scores = to_score @ self._moments @ to_score.T + (cross + cross.T) / 2
-        effects = tuple(Effect(item, inverse @ total * item.std) for item, total in self._declared.values())
-        covariance, freedom = _covariance(inverse, scores, self._sensor, self.swings, int(sought.sum()))
-        return Solution(self.origin + step, covariance, effects, freedom)
+        covariance, freedom = self._covariance(inverse, scores, int(sought.sum()))
+        return Solution(self.origin + step, inverse, covariance, freedom)
+
+    def _covariance(self, inverse: Array, scores: Array, unknowns: int) -> tuple[Array | None, float]:
+        """Covariance from the scatter of swings (neighbours may be correlated), or from sensor noise if that is larger.
+
+        Also its degrees of freedom: those of the scatter's part beyond the noise, which is computed.
+        """
+        swings = self.swings
+        if swings < unknowns + SPARE:
+            return None, math.inf
+        seen = inverse @ scores @ inverse * (swings / (swings - unknowns))
+        expected = inverse @ self._sensor @ inverse
+        if seen[0, 0] <= expected[0, 0]:
+            return (expected if seen[0, 0] <= 0 else seen * (expected[0, 0] / seen[0, 0])), math.inf
+        noise = math.sqrt(max(float(expected[0, 0]), 0.0))
+        beyond = math.sqrt(float(seen[0, 0]) - noise**2)
+        of_scatter = max((swings - unknowns) / lag_weights_power(bartlett(1)), 1.0)
+        return seen, effective_freedom(((noise, math.inf), (beyond, of_scatter)))
+
+    def _noise_of(self, block: Block) -> Array | float:
+        """X' Ω X of a block and with the one before, Ω the covariance of the rows by white noise of both angles."""
+        if block.windows is None:
+            return 0.0
+        noise, before = self.noise, self._before
+        power = ((self.origin[0] * noise.angle) ** 2 + (self.equation.value("wheel") * noise.wheel) ** 2) * noise.step
+        own = block.columns.T @ _overlap(block.windows, block.windows) @ block.columns
+        if before is not None and before.windows is not None:
+            shared = before.columns.T @ _overlap(before.windows, block.windows) @ block.columns
+            own = own + shared + shared.T
+        result: Array = own * power
+        return result
+
+
+def _plain(unknowns: tuple[str, ...]) -> Bools:
+    """Which unknowns are estimated in any case."""
+    return np.array([name != MEMORY for name in unknowns])
+
+
+def _overlap(first: Windows, second: Windows) -> Array:
+    """Covariance of ∫φ'' n of windows for noise n of unit power density."""
+    half = (first.half[:, None] + second.half) / 2
+    return np.asarray(curvature_overlap((first.centres[:, None] - second.centres) / half) / half**3)
 
 
 @dataclass(frozen=True)
@@ -251,46 +209,36 @@ class SwingEstimate:
 class Reporter:
     """From solutions to estimates, with the scatter of single swings; relative: as in `evaluate`."""
 
-    equation: Equation
     relative: float
-    swings: int = 0
     _squares: float = field(default=0.0)
 
-    def estimate(self, block: Block, solution: Solution, skipped: int, lost: int) -> SwingEstimate:
-        """The estimate after `block`."""
-        units = units_on(linear=self.equation.linear)
-        sought = dict.fromkeys(("inertia", *PLAIN, *self.equation.sought))
-        names = [name for name in sought if name in block.unknowns]
+    def estimate(self, block: Block, recursion: Recursion, skipped: int, lost: int) -> SwingEstimate:
+        """The estimate after `block`, the last one that the recursion has taken."""
+        solution, equation = recursion.solution(), recursion.equation
+        units = units_on(linear=equation.linear)
+        names = [name for name in dict.fromkeys(("inertia", *PLAIN, *equation.sought)) if name in block.unknowns]
         at = [block.unknowns.index(name) for name in names]
         values = {name: (float(solution.values[k]), units[name]) for name, k in zip(names, at, strict=True)}
-        values["inertia"] = values["inertia"][0] - self.equation.carried, units["inertia"]
-        declared = [effect.item.on(effect.shifts[at] / effect.item.std) for effect in solution.effects]
+        values["inertia"] = values["inertia"][0] - equation.carried, units["inertia"]
         known, scattered = solution.covariance is not None, None
         if solution.covariance is not None:
             freedom = np.full(len(at), solution.freedom)
             scattered = Scatter(SCATTER, solution.covariance[np.ix_(at, at)], freedom)
+        declared = propagated(recursion.errors.values(), solution.inverse[at])
         found = evaluate(values, scattered, (), declared, () if known else values, self.relative)
-        self.swings += 1
-        alone = self._alone(block, solution)
+        # the inertia of one swing, less the friction of all swings
+        own = block.columns[:, 0]
+        left = block.target - block.columns[:, 1:] @ solution.values[1:]
+        alone = float(own @ left / (own @ own)) - equation.carried
         self._squares += (alone - values["inertia"][0]) ** 2
-        spread = float(np.sqrt(self._squares / (self.swings - 1))) if known else None
+        spread = float(np.sqrt(self._squares / (recursion.swings - 1))) if known else None
         return SwingEstimate(
-            swing=self.swings,
+            swing=recursion.swings,
             time=block.time,
             side=block.side,
-            swing_inertia=Parameter.of(alone, spread, self.equation.unit),
+            swing_inertia=Parameter.of(alone, spread, equation.unit),
             parameters=found.parameters,
             budget=tuple(found.budget),
             rows_skipped=skipped,
             swings_lost=lost,
         )
-
-    def skip(self) -> None:
-        """Count a swing that has no estimate of its own."""
-        self.swings += 1
-
-    def _alone(self, block: Block, solution: Solution) -> float:
-        """The inertia of one swing, less the friction of all swings."""
-        own = block.columns[:, 0]
-        left = block.target - block.columns[:, 1:] @ solution.values[1:]
-        return float(own @ left / (own @ own)) - self.equation.carried

@@ -1,10 +1,8 @@
-"""Entry points: `online` for a stream, `swing_estimates` for a log; both give the same estimates of the same swings."""
+"""Entry points: `online` for a stream, `swing_estimates` for a log, `Estimator` for rows as they come."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from itertools import chain, islice
 
 import numpy as np
 
@@ -19,7 +17,7 @@ from swingid.preparation.scale import equation_of, refuse_motor, refuse_rates, r
 from swingid.recording.recording import Recording
 from swingid.recursive.blocks import Block, energy_block, momentum_block
 from swingid.recursive.rows import Reader, Row, SwingBuffer
-from swingid.recursive.solution import Recursion, Reporter, SwingEstimate, first_solution, solve_all
+from swingid.recursive.solution import Recursion, Reporter, SwingEstimate
 
 Maker = Callable[[Recording, Rig, Equation, Noise, Motion, Encoders, int], Block | None]
 
@@ -53,11 +51,18 @@ def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momen
     """
     estimator = Estimator(rig, method)
     for block in estimator.swings.blocks(samples):
-        estimate = estimator.add(block)
-        if estimate is not None:
-            yield estimate
+        yield from estimator.add(block)
     if estimator.recursion is None:
-        raise _too_few(len(estimator.waiting))
+        raise UnanswerableError(
+            f"the stream ended after {len(estimator.waiting)} whole swings, at least {FIRST} are needed; record a "
+            "longer run.",
+            code="too-short",
+        )
+
+
+def swing_estimates(log: Recording, rig: Rig, method: str = "momentum") -> list[SwingEstimate]:
+    """The estimates of `online` for a whole log."""
+    return list(online(rig, log, method))
 
 
 class Estimator:
@@ -67,140 +72,105 @@ class Estimator:
     """
 
     def __init__(self, rig: Rig, method: str = "momentum") -> None:
-        self.swings = _Swings(rig, method)
+        self.swings = Swings(rig, method)
         self.recursion: Recursion | None = None
         self.waiting: list[Block] = []
-        self._reporter = Reporter(self.swings.equation, rig.axis.model_uncertainty)
-        self._early: list[Row] = []
+        self._reporter = Reporter(rig.axis.model_uncertainty)
 
     def push(self, samples: Iterable[object]) -> list[SwingEstimate]:
         """The estimates that further rows give: (t, angle, wheel_angle, voltage or torque), as of `online`."""
         rows = list(self.swings.reader.rows(samples))
-        if self.swings.buffer is None:
-            self._early += rows
-            if len(self._early) < WARM:
-                return []
-            rows, self._early = self._early, []
-            self.swings.begin(rows[:WARM])
-        found = [self.add(block) for block in self.swings.blocks_of(rows)]
-        return [estimate for estimate in found if estimate is not None]
+        return [estimate for block in self.swings.blocks_of(rows) for estimate in self.add(block)]
 
-    def add(self, block: Block) -> SwingEstimate | None:
-        """The estimate after one more swing; None before there are enough."""
-        swings, reporter = self.swings, self._reporter
+    def add(self, block: Block) -> Iterator[SwingEstimate]:
+        """The estimate after one more swing; none before there are enough."""
+        swings = self.swings
         if self.recursion is None:
             self.waiting.append(block)
             if len(self.waiting) < FIRST:
-                return None
-            self.recursion = Recursion(block.unknowns, first_solution(self.waiting), swings.equation, swings.noise)
+                return
+            self.recursion = Recursion.of(self.waiting, swings.equation, swings.noise)
             for early in self.waiting[:-1]:
                 self.recursion.add(early)
-                reporter.skip()
             self.waiting.clear()
         self.recursion.add(block)
-        estimate = reporter.estimate(block, self.recursion.solution(), swings.reader.skipped, swings.lost)
+        estimate = self._reporter.estimate(block, self.recursion, swings.reader.skipped, swings.lost)
         _check_sign(estimate)
-        return estimate
+        yield estimate
 
 
-def swing_estimates(log: Recording, rig: Rig, method: str = "momentum") -> list[SwingEstimate]:
-    """The estimates of `online` for a whole log, each by least squares over all rows of its swings at once.
+class Swings:
+    """From rows to blocks: reading, cutting into pieces, the balance of each.
 
-    The batch form, for comparison: it stores every swing, and its cost grows with their square. Raises as `online`.
+    without: turning points whose piece gave no block. noise: of the channels, from the first piece.
     """
-    swings = _Swings(rig, method)
-    reporter = Reporter(swings.equation, rig.axis.model_uncertainty)
-    kept: list[Block] = []
-    estimates = []
-    for block in swings.blocks([log]):
-        kept.append(block)
-        if len(kept) < FIRST:
-            reporter.skip()
-            continue
-        solution = solve_all(kept, first_solution(kept[:FIRST]), swings.equation, swings.noise)
-        estimates.append(reporter.estimate(block, solution, swings.reader.skipped, swings.lost))
-        _check_sign(estimates[-1])
-    if not estimates:
-        raise _too_few(len(kept))
-    return estimates
 
+    noise: Noise
 
-@dataclass
-class _Swings:
-    """From rows to blocks: reading, cutting into pieces, the balance of each."""
-
-    rig: Rig
-    method: str
-    equation: Equation = field(init=False)
-    reader: Reader = field(init=False)
-    without: int = 0
-    buffer: SwingBuffer | None = None
-    _noise: Noise | None = None
-    _shrinking: bool = False
-
-    def __post_init__(self) -> None:
-        if self.method not in MAKERS:
+    def __init__(self, rig: Rig, method: str) -> None:
+        if method not in MAKERS:
             raise UsageError(
-                f"online knows no method {self.method!r}; choose one of {', '.join(MAKERS)}.", code="unknown-method"
+                f"online knows no method {method!r}; choose one of {', '.join(MAKERS)}.", code="unknown-method"
             )
-        refuse_motor(self.rig, "online")
-        refuse_rates(self.rig, "a stream")
-        self.equation = equation_of(self.rig)
-        drive = self.rig.drive.kind
-        voltage = drive == "reaction-wheel" and self.method == "energy"
+        refuse_motor(rig, "online")
+        refuse_rates(rig, "a stream")
+        self.rig, self.method, self.equation = rig, method, equation_of(rig)
+        drive = rig.drive.kind
+        voltage = drive == "reaction-wheel" and method == "energy"
         self.reader = Reader((True, True, drive == "reaction-wheel", drive == "direct" or voltage))
+        self.without = 0
+        self._buffer: SwingBuffer | None = None
+        self._early: list[Row] = []
+        self._shrinking = False
 
     def blocks(self, samples: Iterable[object] | Recording) -> Iterator[Block]:
         """The blocks of a stream, one per turning point that has a whole swing on both sides."""
-        rows = self.reader.rows(samples)
-        early = list(islice(rows, WARM))
-        if not early:
-            return
-        self.begin(early)
-        yield from self.blocks_of(chain(early, rows))
-
-    def begin(self, early: list[Row]) -> None:
-        """Find the noise in the first rows, which `blocks_of` then takes with the others."""
-        self.buffer = SwingBuffer(self._least(np.array(early)))
+        yield from self.blocks_of(self.reader.rows(samples))
+        if self._buffer is None and self._early:  # fewer rows than the noise is estimated from
+            yield from self._begun()
 
     def blocks_of(self, rows: Iterable[Row]) -> Iterator[Block]:
-        """The blocks that further rows complete."""
-        assert self.buffer is not None
+        """The blocks that further rows complete; the first rows wait until there are enough for their noise."""
         for row in rows:
-            piece = self.buffer.push(row)
-            block = None if piece is None else self._block(*piece)
-            if block is not None:
-                yield block
+            if self._buffer is not None:
+                yield from self._pushed(self._buffer, row)
+                continue
+            self._early.append(row)
+            if len(self._early) == WARM:
+                yield from self._begun()
 
-    @property
-    def noise(self) -> Noise:
-        """Noise of the channels, from the first piece."""
-        assert self._noise is not None
-        return self._noise
+    def _begun(self) -> Iterator[Block]:
+        """The blocks of the first rows, from which the least swing follows that is no noise."""
+        sensor, angle = Encoders.of(self.rig).angle, np.array(self._early)[:, 1]
+        # well above noise and steps of the angle, as declared or as estimated
+        noise = max(sensor.noise, sample_noise(angle), sensor.resolution / 4, grid_step(angle) / 4, 1e-9)
+        self._buffer = SwingBuffer(NOISES * noise)
+        for row in self._early:
+            yield from self._pushed(self._buffer, row)
+        self._early = []
+
+    def _pushed(self, buffer: SwingBuffer, row: Row) -> Iterator[Block]:
+        """The block that a row completes, if any; a piece without one is counted."""
+        piece = buffer.push(row)
+        if piece is None:
+            return
+        block = self._block(*piece)
+        self.without += block is None
+        if block is not None:
+            yield block
 
     @property
     def lost(self) -> int:
         """Turning points without a block so far."""
-        return self.without + (self.buffer.lost if self.buffer is not None else 0)
-
-    def _least(self, rows: Array) -> float:
-        """The least swing (rad or m): well above noise and steps of the angle, as declared or as estimated."""
-        sensor = Encoders.of(self.rig).angle
-        angle = rows[:, 1]
-        return NOISES * max(sensor.noise, sample_noise(angle), sensor.resolution / 4, grid_step(angle) / 4, 1e-9)
+        return self.without + (self._buffer.lost if self._buffer is not None else 0)
 
     def _block(self, piece: Array, middle: float) -> Block | None:
-        """The block around the turning point near `middle` (s), None (and counted) where there is none."""
+        """The block around the turning point near `middle` (s), None where there is none."""
         log, encoders, _ = corrected(self._recording(piece), self.rig)
-        if self._noise is None:
+        if not hasattr(self, "noise"):
             if self.method == "energy":
                 require_motor(log, self.rig, self.equation, self.method)
-            self._noise = channel_noise(log, self.rig)
-        block = self._balance(log, encoders, middle)
-        self.without += block is None
-        return block
-
-    def _balance(self, log: Recording, encoders: Encoders, middle: float) -> Block | None:
+            self.noise = channel_noise(log, self.rig)
         steps = np.diff(log.time)
         try:
             motion = find_motion(log.time, log.angle, self.noise.angle)
@@ -246,10 +216,3 @@ def _check_sign(estimate: SwingEstimate) -> None:
             "wheel angle or torque has the wrong sign against the angle, or the angle's zero is the top; correct it.",
             code="wrong-sign",
         )
-
-
-def _too_few(swings: int) -> UnanswerableError:
-    return UnanswerableError(
-        f"the stream ended after {swings} whole swings, at least {FIRST} are needed; record a longer run.",
-        code="too-short",
-    )

@@ -12,16 +12,21 @@ a controller, which is unknown, or the measured wheel angle as input, whose nois
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from swingid.balance.fits import NamedFit, columns_of, known_side
-from swingid.balance.rows import Rows
+from swingid.balance.fits import WindowFit, columns_of, known_side
+from swingid.balance.friction_laws import Law
 from swingid.errors import UnanswerableError
-from swingid.model.equation import Equation
+from swingid.methods.equation_error.cutoff import SETTLING
+from swingid.methods.equation_error.filtered import OnGrid, RowFilter, autocorrelation
 from swingid.numerics.arrays import Array, Bools, median
-from swingid.numerics.regression import LinearFit, hac_covariance
+from swingid.numerics.regression import LinearFit, hac_covariance, parzen
+from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.freedom import effective_freedom, scatter_freedom
 
 ROBUST = 5.0
 """Robust standard deviations of a residual beyond which its row weighs less (Huber)."""
@@ -32,27 +37,172 @@ ROUNDS = 4
 
 LAGS_TRIED = 40
 
+EARLIER = 0.75
+"""Least lag of the instruments in half periods, within which a controller has responded to the noise."""
+
+LAGS = 1.0
+"""Range, in periods of the motion, in which the lag of the instruments is sought."""
+
 OF_DIRECTION = ("coulomb", "stribeck", "stribeck_speed", "offset", "memory")
 """Regressors of the direction of motion: without noise except at the reversals, so their own instruments."""
 
 
-@dataclass(frozen=True)
-class RowFit(NamedFit):
-    """A fit of filtered rows; weights of the rows (0: unused), inverse (p, p) of Z'W X."""
+@dataclass(frozen=True, kw_only=True)
+class RowFit(WindowFit):
+    """A fit of filtered rows, with what its uncertainty depends on.
+
+    weights (rows,): of the rows, 0 where they are not used. inverse (p, p): of Z'W X. lag: of the instruments in rows
+    (0: least squares). reach: rows up to which correlation is taken into account.
+    """
 
     weights: Array
     inverse: Array
+    lag: int
+    reach: int
+    row_filter: RowFilter
+    part: OnGrid
+
+    @property
+    def of_used(self) -> WindowFit:
+        """The rows used and their fit as one on windows, for the checks in common with momentum."""
+        used = self.weights > 0
+        fit = replace(self.fit, residuals=self.fit.residuals[used], influence=self.fit.influence[:, used])
+        rows = self.rows.select(used)
+        return WindowFit(self.unknowns, fit, self.covariance, rows, self.equation, self.noise, self.half)
+
+    def of(self, unknown: str) -> Array:
+        """Weights of the unknowns in this one (p,)."""
+        weights: Array = np.eye(len(self.unknowns))[self.unknowns.index(unknown)]
+        return weights
+
+    def variances(self, own: Array) -> tuple[float, float]:
+        """Type A variance of a combination of the unknowns: of white noise of both angles, and of the lack of fit.
+
+        The scatter of the rows over a finite time also contains power of the differentiated noise at frequencies beside
+        the motion's. The expected power of the noise there is subtracted, and one standard deviation of it: the
+        difference is never negative, so its fluctuation would widen it.
+        """
+        key = f"variances of {own.tolist()}"
+        if key not in self.kept:
+            seen = float(own @ self.covariance @ own)
+            smeared = float(self._lagged @ autocorrelation(own @ self.fit.influence, self.reach))
+            # number of independent stretches of a Parzen kernel, as in `hac_covariance`
+            chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.weights)))
+            noise = self._per_sample(own)
+            self.kept[key] = float(np.vdot(noise, noise)), max(seen - smeared - float(chance), 0.0)
+        found: tuple[float, float] = self.kept[key]
+        return found
+
+    def variance(self, own: Array) -> float:
+        """Type A variance of a combination of the unknowns."""
+        return sum(self.variances(own))
+
+    def freedom_of(self, own: Array) -> float:
+        """Degrees of freedom of `variance`: those of its part beyond the white noise of both angles."""
+        rows = scatter_freedom(own @ self.fit.influence, parzen(self.reach), len(self.unknowns))
+        white, beyond = self.variances(own)
+        return effective_freedom(((white**0.5, math.inf), (beyond**0.5, rows)))
+
+    def _per_sample(self, own: Array) -> Array:
+        """Contribution of the noise of each sample of both angles to a combination of the unknowns, (2, n)."""
+        key = f"samples of {own.tolist()}"
+        if key not in self.kept:
+            weights, noise = self.row_filter.adjoint(own @ self.fit.influence), (self.noise.angle, self.noise.wheel)
+            self.kept[key] = np.array(
+                [
+                    std * self.part.acting(channel, weights, self.coefficients)
+                    for channel, std in zip(("angle", "wheel"), noise, strict=True)
+                ]
+            )
+        found: Array = self.kept[key]
+        return found
+
+    @cached_property
+    def _lagged(self) -> Array:
+        """Expected products of the residuals by white noise of both angles, by their lags, as `hac_covariance` weighs.
+
+        Rows are 0 to `reach` apart.
+        """
+        found, (curved, spread, both) = np.zeros(self.reach + 1), self.row_filter.correlations
+        near = min(len(curved), len(found))
+        pull = float(np.mean(self.part.acting("angle", np.ones_like(self.part.grid.angle), self.coefficients)))
+        inertia, wheel = self.a11, self.value("wheel") * self.noise.wheel
+        axis = inertia**2 * curved[:near] + pull**2 * spread[:near] + 2 * inertia * pull * both[:near]
+        found[:near] = self.noise.angle**2 * axis + wheel**2 * curved[:near]
+        return np.where(np.arange(len(found)) == 0, 1.0, 2.0) * parzen(self.reach) * found
+
+    def common(self, unknown: str = "inertia") -> dict[str, float]:
+        """Errors of an unknown that are common to all rows, by source."""
+        found, k = {}, self.unknowns.index(unknown)
+        if self.lag == 0:
+            share = abs(float(self.inverse[k, 0] / self.inverse[0, 0])) if k else 1.0
+            found["noise in the acceleration (least squares)"] = abs(self.a11) * self.attenuation * share
+        if self.noise.resolution > 0:
+            found["place of the encoder's grid"] = rms(self.grid_effects(unknown))
+        return found
+
+    @cached_property
+    def attenuation(self) -> float:
+        """Share by which white noise of the angle in its own regressor lowers the inertia of least squares."""
+        _, response = self.row_filter.response
+        variance = self.noise.angle**2 * float(response @ response)
+        return float(variance * self.weights.sum() * self.inverse[0, 0])
+
+    def grid_effects(self, unknown: str = "inertia") -> Array:
+        """Errors of an unknown at eight grid phases of the encoder (`systematics.grid_spread`); 0 without a grid.
+
+        They repeat at every swing, so those of the instruments are correlated with those of the row.
+        """
+        if not self.noise.resolution > 0:
+            return np.zeros(1)
+        k, errors = self.unknowns.index(unknown), self.part.grid_errors(self.row_filter)
+        effects: Array = errors @ self.fit.influence[k]
+        if self.lag:
+            pairs = self.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
+            effects = effects + self.inverse[k, 0] * pairs.sum(axis=1)
+        return effects * abs(self.a11)
+
+    def spread(self, unknown: str) -> float:
+        """Standard uncertainty of an unknown from the scatter, the sensors' noise and the grid phase."""
+        return float(np.hypot(np.sqrt(self.variance(self.of(unknown))), rms(self.grid_effects(unknown))))
+
+    def relative_with_bias(self) -> float:
+        """Standard uncertainty of a11 by the sensors, lack of fit and attenuation, as a share of its magnitude."""
+        return self.relative(float(np.hypot(self.spread("inertia"), self.a11 * self.attenuation)))
+
+    def contradicted(self, other: RowFit) -> float:
+        """Dark uncertainty by the difference to another fit of the same log, beyond what explains it.
+
+        That is the noise of the sensors, or the difference of the variances (Hausman 1978), which has the lack of fit.
+        """
+        own, others = (one.variance(one.of("inertia")) for one in (self, other))
+        variance = max(self.variance_of_difference(other), abs(own - others))
+        return dark_uncertainty(other.a11 - self.a11, variance, float(np.sqrt(own)))
+
+    def variance_of_difference(self, other: RowFit) -> float:
+        """Variance of the difference of a11 to another fit of the same log, from the sensors.
+
+        Both fits are linear in the same noise, so its effect on their difference is known, that of the grid too.
+        """
+        noise = self._per_sample(self.of("inertia")) - other._per_sample(other.of("inertia"))
+        variance = float(np.vdot(noise, noise)) + rms(self.grid_effects() - other.grid_effects()) ** 2
+        if self.lag == 0:
+            variance += (self.a11 * (self.attenuation - other.attenuation)) ** 2
+        return variance
 
 
-def fit_rows(rows: Rows, equation: Equation, terms: tuple[str, ...], usable: Bools, reach: int, lag: int) -> RowFit:
+def fit_rows(
+    part: OnGrid, row_filter: RowFilter, terms: tuple[str, ...], law: Law | None = None, lag: int | None = 0
+) -> RowFit:
     """Fit the rows by least squares (lag 0), or with the regressors `lag` rows earlier as instruments.
 
-    usable (rows,): which to use. reach: rows up to which the covariance contains correlation.
+    terms: of friction, see `OnGrid.rows`; lag: None for the best one.
     Raises UnanswerableError where too few rows are left.
     """
+    rows, equation, usable = part.rows(row_filter, terms, law), part.equation, row_filter.usable
     unknowns, columns = columns_of(rows, equation, terms)
-    target = known_side(rows, equation)
-    instruments, usable = lagged(columns, usable, lag, unknowns)
+    lag = _best_lag(part, row_filter, columns, unknowns) if lag is None else lag
+    target, (instruments, usable) = known_side(rows, equation), lagged(columns, usable, lag, unknowns)
     if usable.sum() < ROWS_PER_UNKNOWN * len(unknowns):
         raise UnanswerableError(
             f"{usable.sum()} filtered rows are left, too few for {len(unknowns)} unknowns; record a longer run, "
@@ -65,8 +215,14 @@ def fit_rows(rows: Rows, equation: Equation, terms: tuple[str, ...], usable: Boo
         before, weights = weights, usable * _huber(fit.residuals, usable)
         if np.array_equal(weights, before):
             break
+    # correlation counts up to two periods
+    reach = min(int(4 * part.motion.half_period / row_filter.row_step), len(rows) // 4)
     covariance = hac_covariance(fit.influence * fit.residuals, reach, len(unknowns), int(usable.sum()))
-    return RowFit(unknowns, fit, covariance, weights, inverse)
+    half = 1 / row_filter.cutoff.frequency
+    return RowFit(
+        unknowns, fit, covariance, rows, equation, part.noise, half,
+        weights=weights, inverse=inverse, lag=lag, reach=reach, row_filter=row_filter, part=part,
+    )  # fmt: skip
 
 
 def lagged(columns: Array, usable: Bools, lag: int, unknowns: tuple[str, ...]) -> tuple[Array, Bools]:
@@ -81,20 +237,22 @@ def lagged(columns: Array, usable: Bools, lag: int, unknowns: tuple[str, ...]) -
     return earlier, sound
 
 
-def best_lag(rows: Rows, equation: Equation, terms: tuple[str, ...], usable: Bools, shortest: int, longest: int) -> int:
+def _best_lag(part: OnGrid, row_filter: RowFilter, columns: Array, unknowns: tuple[str, ...]) -> int:
     """The lag of the instruments, in rows, that gives the inertia the least variance under white residuals."""
-    unknowns, columns = columns_of(rows, equation, terms)
+    least = max(SETTLING / row_filter.cutoff.frequency, EARLIER * part.motion.half_period)
+    shortest = int(np.ceil(least / row_filter.row_step))
+    range_of_lags = int(LAGS * (2 * part.motion.half_period / row_filter.row_step))
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    best, least = 0, np.inf
-    for lag in range(shortest, longest + 1, max(1, (longest - shortest) // LAGS_TRIED)):
-        earlier, sound = lagged(columns, usable, lag, unknowns)
+    best, smallest = 0, np.inf
+    for lag in range(shortest, shortest + range_of_lags + 1, max(1, range_of_lags // LAGS_TRIED)):
+        earlier, sound = lagged(columns, row_filter.usable, lag, unknowns)
         z, x = earlier[sound], columns[sound]
         if len(z) < 5 * x.shape[1]:
             break
         inverse = np.linalg.pinv(z.T @ x, rcond=1e-12)
         variance = float(inverse[0] @ (z.T @ z) @ inverse[0])
-        if variance < least:
-            best, least = lag, variance
+        if variance < smallest:
+            best, smallest = lag, variance
     if best == 0:
         raise UnanswerableError(
             "the log is too short for instruments from an earlier swing; record a longer run, or leave them out.",
@@ -124,3 +282,8 @@ def _huber(residuals: Array, usable: Bools) -> Array:
     spread = 1.4826 * median(np.abs(residuals[usable]))
     size = np.abs(residuals) / max(ROBUST * spread, 1e-300)
     return np.asarray(1 / np.maximum(size, 1.0))
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swingid.balance.rows import Signals
 from swingid.errors import UnanswerableError
-from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.spline import spline_at, spline_slopes
-from swingid.preparation.encoders import Encoders, moved
+from swingid.preparation.encoders import moved
 from swingid.preparation.noise import EVEN
-from swingid.recording.recording import Recording
 
 MOST_FILLED = 10
 """Rows of the even grid per row of the log above which the log is mostly gaps."""
@@ -30,7 +29,7 @@ class Grid:
     """Channels of a log on an even grid: time (n,) s, step s, angle, wheel angle and torque where the drive has them.
 
     A held torque is the difference of its double integral, as the acceleration is that of the angle. resampled: whether
-    the stamps of the log were uneven. encoders: what is declared of them.
+    the stamps of the log were uneven.
     """
 
     time: Array
@@ -39,14 +38,14 @@ class Grid:
     wheel: Array | None
     torque: Array | None
     resampled: bool
-    encoders: Encoders
 
 
-def even_grid(log: Recording, rig: Rig, encoders: Encoders) -> Grid:
-    """The log on its even grid, on the clock of the angle: wheel and torque are moved by the latencies, as in momentum.
+def even_grid(signals: Signals) -> Grid:
+    """The log on its even grid, on the clock of the angle, as in momentum.
 
     Raises UnanswerableError where the log is mostly gaps.
     """
+    log, rig = signals.source
     steps = np.diff(log.time)
     resampled = bool(np.ptp(steps) > EVEN * steps[0])
     count = int(np.rint(log.duration * log.rate)) + 1
@@ -61,16 +60,15 @@ def even_grid(log: Recording, rig: Rig, encoders: Encoders) -> Grid:
     def carried(values: Array) -> Array:
         return spline_at(log.time, values, spline_slopes(log.time, values), time, 0) if resampled else values
 
-    wheel = torque = None
-    late = encoders.angle.latency.value
-    step = float(time[1] - time[0])
-    if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
-        wheel = carried(moved(log.time, log.wheel_angle, encoders.wheel.latency.value - late))
+    wheel = None if signals.wheel_values is None else carried(signals.wheel_values)
+    torque, late = None, signals.encoders.angle.latency.value
     if rig.drive.kind == "direct" and log.torque is not None:
         # the angle at the time t of a torque is in the row stamped t − late
-        measured = moved(log.time, log.torque, -late)
-        torque = as_held(log.time - late, log.torque[:-1], time) if log.drive_held else carried(measured)
-    return Grid(time, step, carried(log.angle), wheel, torque, resampled, encoders)
+        held = log.drive_held
+        torque = (
+            as_held(log.time - late, log.torque[:-1], time) if held else carried(moved(log.time, log.torque, -late))
+        )
+    return Grid(time, float(time[1] - time[0]), carried(log.angle), wheel, torque, resampled)
 
 
 def as_held(edges: Array, levels: Array, time: Array) -> Array:

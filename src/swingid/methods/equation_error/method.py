@@ -13,8 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from swingid.balance.fits import BASIS, WindowFit
-from swingid.balance.fits import fit_rows as fit_windows
+from swingid.balance.fits import BASIS, WindowFit, fit_rows
 from swingid.balance.friction_laws import law_terms
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals, rows_of
@@ -25,14 +24,9 @@ from swingid.checks.rig_file import RigFileCheck
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.answer import answer, details
 from swingid.methods.equation_error.cutoff import choose_cutoff
-from swingid.methods.equation_error.estimate import OnGrid, Selection, estimate
+from swingid.methods.equation_error.estimate import Selection, estimate
+from swingid.methods.equation_error.filtered import OnGrid
 from swingid.methods.equation_error.fit import RowFit
-from swingid.methods.equation_error.grid import Grid
-from swingid.methods.equation_error.laws import Laws
-from swingid.methods.equation_error.scatter import Fitted
-from swingid.model.equation import Equation
-from swingid.model.rig import Rig
-from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part, Prepared
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Message, Result
@@ -62,39 +56,37 @@ def equation_error(
     if friction != "auto":
         law_terms(friction, code="unknown-friction")
     part = prepared.part(reread=True)
-    rig, equation, noise = prepared.rig, prepared.equation, part.noise
-    on_grid = OnGrid.of(part, rig, equation)
+    rig, equation = prepared.rig, prepared.equation
+    signals = Signals.of(part.log, rig, part.motion, part.encoders)
+    on_grid = OnGrid.of(signals, equation, part.noise, part.longest_gap)
     if len(part.motion.turning_times) < 2:
         message = "the used part of the log contains no whole swing; record a longer motion to and fro."
         raise UnanswerableError(message, code="no-turning-points")
-    signals = Signals.of(part.log, rig, part.motion, part.encoders)
-    motor = _consistency(part, signals, rig, equation, noise)
+    motor = _consistency(part, signals)
     span = float(part.log.time[0]), float(part.log.time[-1])
-    cut = choose_cutoff(part.motion.speed, *span, noise, cutoff)
-    selected, laws = estimate(on_grid, signals, equation, cut, None if friction == "auto" else friction, instruments)
+    cut = choose_cutoff(part.motion.speed, *span, part.noise, cutoff)
+    selected = estimate(on_grid, cut, None if friction == "auto" else friction, instruments=instruments)
     chosen = selected.chosen
-    windows, apart = _from_momentum(selected, signals)
+    windows, apart = _from_momentum(chosen, signals)
     rig_file = RigFileCheck.of(prepared, part, signals)
     selected = replace(selected, from_momentum=apart, conflict=rig_file.conflict if rig_file else 0.0)
-    found = answer(selected, rig, equation)
+    found = answer(selected, rig)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
     inertia = found.parameters["inertia"]
     alone = rig_file.alone(inertia) if rig_file else inertia
-    checked = check_answer(found.parameters | {"inertia": alone}, found.budget, _as_windows(chosen), amplitude, rig)
-    how = _how(on_grid.grid, selected, laws, given=friction != "auto")
+    checked = check_answer(found.parameters | {"inertia": alone}, found.budget, chosen.of_used, amplitude, rig)
+    how = _how(selected, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *motor.all_notes()]
-    warnings = [*checked.warnings, *_unlikely(selected, laws, equation), *motor.warnings]
+    warnings = [*checked.warnings, *_unlikely(selected), *motor.warnings]
     if windows is not None:
         cause = "noise in the acceleration or friction that does not depend on the speed alone"
         warnings += against_momentum(inertia, without_momentum(found.budget), windows, cause)
-    warnings += rig_file.warnings(inertia) if rig_file else []
-    used = chosen.row_filter.cutoff.frequency
-    options: dict[str, object] = {"friction": selected.law.name, "instruments": instruments, "cutoff": used}
-    covariance = _covariance(chosen.fit) if equation.seeks("gravity_torque") else {}
-    drawn = details(selected, equation, span)
+    options = {"friction": selected.law.name, "instruments": instruments, "cutoff": selected.cutoff.frequency}
     if rig_file is not None:
+        warnings += rig_file.warnings(inertia)
         notes += rig_file.notes(inertia)
         found = rig_file.widened(found)
+    drawn, covariance = details(selected, span), _covariance(chosen) if equation.seeks("gravity_torque") else {}
     return prepared.result("equation-error", found, part, warnings, notes, drawn, options, covariance=covariance)
 
 
@@ -104,21 +96,14 @@ def _covariance(fit: RowFit) -> dict[str, dict[str, float]]:
     return {one: {other: float(fit.covariance[i, j]) for j, other in enumerate(names)} for i, one in enumerate(names)}
 
 
-def _as_windows(one: Fitted) -> WindowFit:
-    """The rows used and their fit as one on windows, for the checks in common with momentum."""
-    used = one.fit.weights > 0
-    fit = replace(one.fit.fit, residuals=one.fit.fit.residuals[used], influence=one.fit.fit.influence[:, used])
-    half = 1 / one.row_filter.cutoff.frequency
-    return WindowFit(one.fit.unknowns, fit, one.fit.covariance, one.rows.select(used), one.equation, one.noise, half)
-
-
-def _consistency(part: Part, signals: Signals, rig: Rig, equation: Equation, noise: Noise) -> MotorCheck:
+def _consistency(part: Part, signals: Signals) -> MotorCheck:
     """Check signs by equation (I) on modulating functions, and the wheel angle by (II).
 
     Raises InputError for a wrong sign. Windows over half a swing have little noise where filtered rows may have much.
     """
+    rig, equation, noise = part.rig, part.equation, part.noise
     windows = law_windows(signals, part.motion.half_period / 4)
-    fit = fit_windows(rows_of(signals, windows), equation, noise, BASIS)
+    fit = fit_rows(rows_of(signals, windows), equation, noise, BASIS)
     if fit is not None:
         check_sign(fit, part.log.source.path or "the log", live=part.log.is_live)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
@@ -128,54 +113,53 @@ def _consistency(part: Part, signals: Signals, rig: Rig, equation: Equation, noi
     return check_motor(balance, signals, method="this method", without=without)
 
 
-def _from_momentum(selected: Selection, signals: Signals) -> tuple[WindowFit | None, float]:
+def _from_momentum(chosen: RowFit, signals: Signals) -> tuple[WindowFit | None, float]:
     """The fit on modulating functions with the least relative uncertainty, and the dark uncertainty by the difference.
 
     They differentiate no angle, and long ones have less noise and attenuation than filtered rows.
     """
-    chosen = selected.chosen
-    terms = (*BASIS, "memory") if "memory" in chosen.fit.unknowns else BASIS
+    terms = (*BASIS, "memory") if "memory" in chosen.unknowns else BASIS
     other = best_windows(signals, chosen.equation, chosen.noise, terms)
     if other is None:
         return None, 0.0
-    own = chosen.variance(np.eye(len(chosen.fit.unknowns))[0])
+    own = chosen.variance(chosen.of("inertia"))
     # a difference of `CLOSE` is not worth a warning
     variance = own + other.u**2 + (CLOSE / INDICATED * other.a11) ** 2
-    return other, dark_uncertainty(other.a11 - chosen.fit.a11, variance, float(np.sqrt(own)))
+    return other, dark_uncertainty(other.a11 - chosen.a11, variance, float(np.sqrt(own)))
 
 
-def _how(grid: Grid, selected: Selection, laws: Laws, *, given: bool) -> list[Message]:
+def _how(selected: Selection, *, given: bool) -> list[Message]:
     """Notes on what was done to the log."""
-    cutoff = selected.chosen.row_filter.cutoff
+    chosen, cutoff = selected.chosen, selected.cutoff
     text = f"low-pass at {cutoff.frequency:.3g} Hz ({cutoff.reason}), zero phase, every term alike."
     notes = [Message("cutoff", text)]
     law = f"the friction law was taken as {selected.law.name}"
     if given:
         law += ", as given"
     else:
-        law += f", the most probable of those tried ({laws.likely[0][1]:.0%})"
-    if "memory" in selected.chosen.fit.unknowns:
+        law += f", the most probable of those tried ({selected.likely[0][1]:.0%})"
+    if "memory" in chosen.unknowns:
         law += ", with an impulse at each reversal (dynamic friction)"
     notes.append(Message("friction-law", f"{law}; a wrong one biases the inertia."))
-    if grid.resampled:
+    if chosen.part.grid.resampled:
         notes.append(Message("resampled", "the stamps are uneven; the log was resampled to an even grid by splines."))
-    lag = selected.chosen.lag * selected.chosen.row_filter.row_step
+    lag = chosen.lag * chosen.row_filter.row_step
     if lag > 0:
         text = f"instruments: the regressors {lag:.3g} s earlier; noise so far apart is taken as independent."
         notes.append(Message("instruments", text))
     return notes
 
 
-def _unlikely(selected: Selection, laws: Laws, equation: Equation) -> list[Message]:
+def _unlikely(selected: Selection) -> list[Message]:
     """A warning where the given law is improbable, and the difference to the best one matters for the inertia."""
-    if selected.law.name in {law.name for law, _ in laws.likely}:
+    chosen, best = selected.chosen, selected.likely[0][0]
+    if selected.law.name in {law.name for law, _ in selected.likely}:
         return []
-    own = np.eye(len(selected.chosen.fit.unknowns))[0]
-    if selected.between_laws < np.sqrt(selected.chosen.variance(own)):
+    if selected.between_laws < np.sqrt(chosen.variance(chosen.of("inertia"))):
         return []
-    other = next(fit for law, fit, _ in selected.laws if law.name == laws.best.name)
+    other = next(fit for law, fit, _ in selected.laws if law.name == best.name)
     text = (
-        f"the log is inconsistent with the friction law {selected.law.name!r}: with {laws.best.name!r} the inertia is "
+        f"the log is inconsistent with the friction law {selected.law.name!r}: with {best.name!r} the inertia is "
+        f"{other.inertia:.6g} {chosen.equation.unit}; leave friction out, or give that one."
     )
-    text += f"{other.fit.a11 - equation.carried:.6g} {equation.unit}; leave friction out, or give that one."
     return [Message("unlikely-friction-law", text)]

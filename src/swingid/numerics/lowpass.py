@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
 
@@ -51,15 +51,6 @@ class _Blocks:
     ahead: Array
     behind: Array
 
-    @cached_property
-    def tails(self) -> tuple[Array, Array]:
-        """Outputs 0, 1, … samples after a constant input 1 has ended, and after an impulse, while they count."""
-        states = [np.column_stack([self.steady, self.forward[:, -1]])]
-        while np.abs(states[-1]).max() > NEGLIGIBLE:
-            states.append(self.power @ states[-1])
-        steady, impulse = (self.behind[::-1] @ np.array(states).transpose(2, 1, 0)).transpose(0, 2, 1).reshape(2, -1)
-        return steady, np.concatenate([self.last_inputs[-1:], impulse])
-
 
 @dataclass(frozen=True)
 class ZeroPhase:
@@ -97,40 +88,12 @@ class ZeroPhase:
 
         The weights of rows within `padding` of either end must be 0.
         """
-        pad, own, phases, front, _ = self._layout(length)
-        found = _outputs(own, self._placed(weights, length), phases, np.s_[:])
-        return found[:, front + pad : front + pad + length]
-
-    def transposed(self, weights: Array, length: int) -> Array:
-        """Weights (length,) of the samples of a column in Σ weights · rows, exactly; weights (rows,) as of `spread`."""
-        pad, own, phases, front, _ = self._layout(length)
-        filtered = _outputs(own, self._placed(weights[None], length), phases, np.s_[:], settled=False)[0]
-        # the way back begins in the steady state of the last output on the way there
-        (steady, impulse), first = own.tails, (front + pad + self.first) % self.every
-        at = len(filtered) - 1 - np.arange(first, len(filtered), self.every)
-        near = at < len(steady)
-        kept = np.zeros(len(at))
-        skipped = (front + pad + self.first) // self.every
-        kept[skipped : skipped + len(weights)] = weights
-        last = min(len(impulse), len(filtered))
-        filtered[-last:] += float(steady[at[near]] @ kept[near]) * impulse[:last][::-1]
-        result: Array = filtered[front + pad : front + pad + length].copy()
-        left, right = filtered[front : front + pad], filtered[front + pad + length :]
-        rest = float(weights.sum() - filtered[front:].sum())
-        result[1 : pad + 1] -= left[::-1]
-        result[length - 1 - pad : length - 1] -= right[::-1]
-        result[0] += 2 * (left.sum() + rest)
-        result[pad] -= rest
-        result[-1] += 2 * right.sum()
-        return result
-
-    def _placed(self, weights: Array, length: int) -> Array:
-        """Weights (c, rows) at the places of the kept rows in all blocks, (c, blocks, rows of a block)."""
-        pad, own, _, front, size = self._layout(length)
+        pad, own, phases, front, size = self._layout(length)
         kept = np.zeros((len(weights), size // self.every))
         skipped = (front + pad + self.first) // self.every
         kept[:, skipped : skipped + weights.shape[1]] = weights
-        return kept.reshape(len(weights), -1, len(own.behind) // self.every)
+        places = kept.reshape(len(weights), -1, len(own.behind) // self.every)
+        return _outputs(own, places, phases, np.s_[:])[:, front + pad : front + pad + length]
 
     def _layout(self, length: int) -> tuple[int, _Blocks, slice, int, int]:
         """Padding, matrices, places of the rows in a block, samples before the padding, and samples of all blocks."""
@@ -141,22 +104,17 @@ class ZeroPhase:
         return pad, own, slice((front + pad + self.first) % self.every, None, self.every), front, size
 
 
-def lowpass(columns: Array, step: float, frequency: float) -> Array:
-    """Butterworth low-pass of order 4, forward and backward (zero phase), of columns (c, n)."""
-    return ZeroPhase(frequency, step).rows(columns, columns.shape[1])
-
-
-def _outputs(own: _Blocks, inputs: Array, given: slice, wanted: slice, *, settled: bool = True) -> Array:
+def _outputs(own: _Blocks, inputs: Array, given: slice, wanted: slice) -> Array:
     """Outputs at the places `wanted` of every block, (c, …), of inputs (c, blocks, places) at the places `given`.
 
-    settled: the way back begins in the steady state of the last output on the way there, else at rest.
+    The way back begins in the steady state of the last output on the way there.
     """
     count, blocks, places = inputs.shape
     matrix = np.vstack([own.forward[:, given], own.backward[:, given], own.inner[wanted, given]])
     found = (inputs.reshape(-1, places) @ matrix.T).reshape(count, blocks, -1)
     ways = found[:, :, : 2 * STATES].transpose(1, 0, 2).copy()
     states = _carried(own.power, ways[:-1, :, :STATES], np.zeros((count, STATES)))
-    end = states[-1] @ own.last + inputs[:, -1] @ own.last_inputs[given] if settled else np.zeros(count)
+    end = states[-1] @ own.last + inputs[:, -1] @ own.last_inputs[given]
     turned = ways[:, :, STATES:] + (states.reshape(-1, STATES) @ own.turned.T).reshape(blocks, count, STATES)
     back = _carried(own.power, turned[:0:-1], np.outer(end, own.steady))[::-1]
     both = np.empty((count, blocks, 2 * STATES))

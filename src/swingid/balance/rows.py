@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -322,7 +322,7 @@ class Rows:
         columns = {name: column[keep] for name, column in self.columns.items()}
         return replace(self, windows=self.windows.select(keep), columns=columns, kept={})
 
-    def beside(self, columns: Mapping[str, Array]) -> Rows:
+    def beside(self, columns: Mapping[str, Array]) -> Self:
         """The rows with more columns, or others."""
         return replace(self, columns={**self.columns, **columns})
 

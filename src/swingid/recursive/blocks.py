@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from swingid.balance.energies import of_energy
 from swingid.balance.errors import errors_of
 from swingid.balance.fits import BASIS, columns_of, known_side
 from swingid.balance.perturbations import RowError
 from swingid.balance.rows import Signals, Windows, rows_of
 from swingid.methods.energy.balance import Course, PassRows
 from swingid.methods.energy.effects import pass_errors
-from swingid.methods.energy.equation import of_energy
 from swingid.methods.energy.method import LEVELS
 from swingid.methods.energy.passes import mirrored_passes
 from swingid.model.equation import Equation

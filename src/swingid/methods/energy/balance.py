@@ -1,4 +1,4 @@
-"""The terms of the energy balance (1), (2) at any instant, as rows: see `equation`.
+"""The terms of the energy balance (1), (2) at any instant, as rows: see `balance.energies`.
 
 Between two instants the constant of energy drops out: that is a pass of the paper. Velocities come from the angles by
 local cubics (`smooth_speed`, each channel with its own width). The work of the voltage, which is constant between

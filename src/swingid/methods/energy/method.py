@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.choice import FLAT
+from swingid.balance.energies import of_energy
 from swingid.balance.fits import BASIS
 from swingid.checks.consistency import (
     CLOSE,
@@ -29,7 +30,6 @@ from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_details, with_chain
 from swingid.methods.energy.balance import Course, PassRows
 from swingid.methods.energy.chain import Chain
-from swingid.methods.energy.equation import of_energy
 from swingid.methods.energy.fit import PassFit, fit_passes, sensor_variance
 from swingid.methods.energy.jitter import find_jitter
 from swingid.methods.energy.passes import Passes, mirrored_passes

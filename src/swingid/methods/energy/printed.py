@@ -13,11 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from swingid.balance.energies import GEAR
 from swingid.balance.fits import known_side
 from swingid.balance.motor import motor_drag, motor_torque
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.balance import MOTOR, PassRows
-from swingid.methods.energy.equation import GEAR
 from swingid.methods.energy.fit import PassFit
 from swingid.methods.energy.passes import Passes
 from swingid.model.equation import Coefficient, Equation

@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from swingid.balance.energies import of_energy
 from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
@@ -17,7 +18,6 @@ from swingid.control.references.base import Reference
 from swingid.errors import InputError, UnanswerableError
 from swingid.identification import identify
 from swingid.methods.energy.balance import Course, PassRows
-from swingid.methods.energy.equation import of_energy
 from swingid.methods.energy.passes import mirrored_passes
 from swingid.methods.energy.printed import (
     DEPTHS,

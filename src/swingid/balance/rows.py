@@ -308,7 +308,7 @@ class Rows:
 
     windows: Windows
     columns: Mapping[str, Array]
-    pulls: Mapping[str, float] = field(default_factory=dict)
+    pulls: Mapping[str, Any] = field(default_factory=dict)
     kept: dict[tuple[str, str], Array] = field(default_factory=dict, repr=False, compare=False)
 
     def __getitem__(self, name: str) -> Array:

@@ -6,14 +6,21 @@ import numpy as np
 import pytest
 
 from closed_form_logs import ONE_TONE, TWO_TONES
+from swingid.balance.energies import of_energy
+from swingid.balance.motor import motor_drag, motor_torque
+from swingid.methods.energy.balance import MOTOR, Course, PassRows
 from swingid.methods.energy.chain import between_rows
 from swingid.methods.energy.fit import slope_overlap
 from swingid.methods.energy.passes import mirrored_passes
+from swingid.model.equation import Equation
+from swingid.model.rig import Rig
 from swingid.numerics.quadrature import GaussNodes, running_hats, running_integrals
 from swingid.numerics.regression import block_covariance
 from swingid.numerics.spline import local_cubic
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion
-from swingid.preparation.noise import uneven_noise
+from swingid.preparation.noise import Noise, uneven_noise
+from swingid.recording.recording import Recording
 
 IRREGULAR = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, 60)) * 0.02
 
@@ -123,6 +130,21 @@ def test_a_held_voltage_is_its_row_s_and_where_rows_are_lost_lies_on_their_line(
     # lost rows at 4 and 5 would have held 2 and 3, after the 1 of the row at 3
     assert held[:, 0] == pytest.approx([5.0, 4.0, 7.0, (1 + 2 + 3) / 3, 4.0])
     assert held[:, 1] == pytest.approx(held[:, 0])
+
+
+def test_the_terms_of_the_motor_sum_up_to_its_work():
+    """N (M − f2 N q2' − f3 sgn q2') q2' of (8), with a dead zone, whose constants have a term each."""
+    rig = Rig.builtin("paper").changed({"drive.motor.dead_zone": [-3e-4, 5e-4]})
+    motor, equation, t = rig.drive.motor, of_energy(rig, Equation.of(rig)), np.arange(4000) * 1e-3
+    log = Recording(t, angle=0.8 * np.sin(8.5 * t), wheel_angle=9 * np.sin(5 * t), voltage=0.4 * np.sin(7 * t))
+    encoders, noise = Encoders.of(rig), Noise(1e-9, 1e-9, 1e-3)
+    course = Course.of(log, rig, find_motion(t, log.angle, 0.0), noise, encoders)
+    rows = PassRows.of(course, np.linspace(0.1, 3.9, 40).reshape(2, 20), equation)
+    torque = motor_torque(motor, course.drive, course.wheel_speed) - motor_drag(motor, course.wheel_speed)
+    power = motor.gear_ratio.value * torque * course.turn
+    (work,) = running_integrals(course.nodes, [power], rows.windows.centres)
+    assert 0.01 < np.mean(course.active) < 0.99
+    assert -rows.sum_of({name: equation.value(name) for name in MOTOR}) == pytest.approx(work, rel=1e-10, abs=1e-12)
 
 
 def test_a_measured_torque_is_interpolated():

@@ -90,38 +90,36 @@ def energy(
     if how.chain.observers:  # whose noise is like asymmetry
         plain = _estimate(part, equation, replace(how, chain=Chain()), jittery=jitter.spread > 0)
         estimate, more = with_chain(estimate, plain, how.chain)
-    estimate = estimate.beside(_disagreement(estimate.fit, consistency))
-    rig_file = RigFileCheck.of(prepared)
-    if rig_file is not None:
-        estimate = estimate.beside({("inertia", CONFLICT): rig_file.conflict})
-    symmetry = _symmetry(plain, part, equation)
-    if symmetry is not None:
-        estimate = estimate.beside(symmetry.entry())
-    answer = energy_answer(estimate, rig)
-    parameters = answer.parameters
+    rig_file, symmetry = RigFileCheck.of(prepared), _symmetry(plain, part, equation)
+    common = _disagreement(estimate.fit, consistency)
+    common |= {} if rig_file is None else {("inertia", CONFLICT): rig_file.conflict}
+    common |= {} if symmetry is None else symmetry.entry()
+    answer = energy_answer(estimate.beside(common), rig)
+    inertia = answer.parameters["inertia"]
     # without a motor the difference to the momentum balance is in the budget
-    unknown = parameters["inertia"].standard_uncertainty is None
+    unknown = inertia.standard_uncertainty is None
     compared = None if unknown else without_momentum(answer.budget)
     warnings, notes = check_energy(answer, consistency, rig, equation, part.motion, compared, rig_file)
     if jitter.spread > 0 and not how.chain.observers:
         other = _estimate(part, equation, how, jittery=False)
-        jittery, jitter_notes = jitter.words(parameters["inertia"], other.fit.inertia)
+        jittery, jitter_notes = jitter.words(inertia, other.fit.inertia)
         more += jittery
         notes += jitter_notes
     if variant == "better":
-        saturated, saturated_notes = check_saturation(part.log, rig, parameters["inertia"])
+        saturated, saturated_notes = check_saturation(part.log, rig, inertia)
         more += saturated
         notes += saturated_notes
     if rig_file is not None:
-        notes += rig_file.notes(parameters["inertia"])
+        notes += rig_file.notes(inertia)
         answer = rig_file.widened(answer)
     warnings, notes = [*more, *warnings], [part.note, *estimate.notes, *notes]
     if unknown:
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; leave nodes out."
         notes.append(Message("no-uncertainty-inertia", text))
-    extra = {} if symmetry is None else {"symmetry_bound": symmetry.bound}
+    extra = {}
     if symmetry is not None:
-        notes.append(symmetry.note(parameters["inertia"].value))
+        extra["symmetry_bound"] = symmetry.bound
+        notes.append(symmetry.note(inertia.value))
     if consistency.balance is not None:
         extra["motor_balance_residual"] = consistency.balance.as_stated
     details = replace(energy_details(estimate, part), extra=extra)

@@ -75,16 +75,16 @@ def one(seed: int, variant: str) -> tuple[float, float, float, float, str] | Non
     given = rig.changed({"axis.inertia": None, "axis.friction": None})
     seen = []
 
-    def recorded(fit, states, *others):
-        seen.append((fit, states))
-        return asymmetry_bound(fit, states, *others)
+    def recorded(fit, profile):
+        seen.append(fit)
+        return asymmetry_bound(fit, profile)
 
     method.asymmetry_bound = recorded
     try:
         result = sw.identify(run.recording, given, "energy", variant=variant)
     except UnanswerableError:
         return None
-    ((fit, states),) = seen
+    (fit,) = seen
     v = run.truth.speed
     shapes = {"coulomb": np.sign(v), "viscous": v, "quadratic": v * np.abs(v), "offset": 1.0, "viscous_even": np.abs(v)}
     if "coulomb" not in fit.unknowns:
@@ -92,8 +92,7 @@ def one(seed: int, variant: str) -> tuple[float, float, float, float, str] | Non
     torque = np.array([static_curve(x, run.truth.parameters) for x in v])
     torque -= sum(fit.value(name) * shape for name, shape in shapes.items())
     work = np.concatenate([[0.0], np.cumsum((torque[1:] * v[1:] + torque[:-1] * v[:-1]) / 2 * np.diff(fine))])
-    weights = fit.influence[0].reshape(states.instants.shape)
-    error = float(np.sum(weights * np.interp(states.instants, fine, work)))
+    error = float(fit.fit.influence[0] @ np.interp(fit.rows.instants.ravel(), fine, work))
     truth = PAPER.axis.inertia.value
     bound = result.details.extra["symmetry_bound"]
     whole = result.inertia.value - truth

@@ -6,14 +6,21 @@ import numpy as np
 import pytest
 
 from closed_form_logs import ONE_TONE, TWO_TONES
-from swingid.methods.energy.balance import between_rows
-from swingid.methods.energy.fit import influence_of, slope_overlap
+from swingid.balance.energies import of_energy
+from swingid.balance.motor import motor_drag, motor_torque
+from swingid.methods.energy.balance import MOTOR, Course, PassRows
+from swingid.methods.energy.chain import between_rows
+from swingid.methods.energy.fit import slope_overlap
 from swingid.methods.energy.passes import mirrored_passes
+from swingid.model.equation import Equation
+from swingid.model.rig import Rig
 from swingid.numerics.quadrature import GaussNodes, running_hats, running_integrals
 from swingid.numerics.regression import block_covariance
 from swingid.numerics.spline import local_cubic
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion
-from swingid.preparation.noise import uneven_noise
+from swingid.preparation.noise import Noise, uneven_noise
+from swingid.recording.recording import Recording
 
 IRREGULAR = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, 60)) * 0.02
 
@@ -109,19 +116,6 @@ def _slope_weights(time, at, width):
     return weights
 
 
-def test_normal_equations_give_least_squares_in_any_units():
-    rng, scales = np.random.default_rng(3), np.array([1, 1e-6, 1e3, 1, 1])
-    matrix, target = rng.standard_normal((200, 5)) * scales, rng.standard_normal(200)
-    assert influence_of(matrix) @ (matrix / scales) == pytest.approx(np.diag(1 / scales), abs=1e-4)
-    solved = np.linalg.lstsq(matrix / scales, target, rcond=None)[0] / scales
-    assert influence_of(matrix) @ target == pytest.approx(solved, rel=1e-10)
-
-
-def test_a_column_of_zeros_gets_the_value_zero():
-    matrix = np.column_stack([np.arange(1.0, 9.0), np.zeros(8)])
-    assert influence_of(matrix) @ (2 * matrix[:, 0]) == pytest.approx([2.0, 0.0])
-
-
 def test_covariance_of_blocks_counts_neighbours_and_is_the_mean_s_for_independent_ones():
     scores = np.random.default_rng(4).standard_normal((1, 20_000)) / 20_000
     assert block_covariance(scores, 1)[0, 0] == pytest.approx(1 / 20_000, rel=0.05)
@@ -136,6 +130,21 @@ def test_a_held_voltage_is_its_row_s_and_where_rows_are_lost_lies_on_their_line(
     # lost rows at 4 and 5 would have held 2 and 3, after the 1 of the row at 3
     assert held[:, 0] == pytest.approx([5.0, 4.0, 7.0, (1 + 2 + 3) / 3, 4.0])
     assert held[:, 1] == pytest.approx(held[:, 0])
+
+
+def test_the_terms_of_the_motor_sum_up_to_its_work():
+    """N (M − f2 N q2' − f3 sgn q2') q2' of (8), with a dead zone, whose constants have a term each."""
+    rig = Rig.builtin("paper").changed({"drive.motor.dead_zone": [-3e-4, 5e-4]})
+    motor, equation, t = rig.drive.motor, of_energy(rig, Equation.of(rig)), np.arange(4000) * 1e-3
+    log = Recording(t, angle=0.8 * np.sin(8.5 * t), wheel_angle=9 * np.sin(5 * t), voltage=0.4 * np.sin(7 * t))
+    encoders, noise = Encoders.of(rig), Noise(1e-9, 1e-9, 1e-3)
+    course = Course.of(log, rig, find_motion(t, log.angle, 0.0), noise, encoders)
+    rows = PassRows.of(course, np.linspace(0.1, 3.9, 40).reshape(2, 20), equation)
+    torque = motor_torque(motor, course.drive, course.wheel_speed) - motor_drag(motor, course.wheel_speed)
+    power = motor.gear_ratio.value * torque * course.turn
+    (work,) = running_integrals(course.nodes, [power], rows.windows.centres)
+    assert 0.01 < np.mean(course.active) < 0.99
+    assert -rows.sum_of({name: equation.value(name) for name in MOTOR}) == pytest.approx(work, rel=1e-10, abs=1e-12)
 
 
 def test_a_measured_torque_is_interpolated():

@@ -6,12 +6,14 @@ the effect of an error of a channel on the rows with the rows of a log that has 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import swingid as sw
+from swingid.balance.energies import of_energy
 from swingid.balance.errors import channel_errors, constant_error, errors_of
 from swingid.balance.fits import BASIS, columns_of, fit_rows, known_side
 from swingid.balance.perturbations import SHAPES, Perturbation, of_channels, of_constants
@@ -71,15 +73,22 @@ def moved(rig: Rig, key: str, step: float) -> Rig:
     return rig.changed({key: found.value + step})
 
 
-@pytest.mark.parametrize("drive", ["wheel", "direct", "motor", "free"])
-def test_coefficients_state_their_derivatives_by_the_constants(drive: str) -> None:
+def energies(rig: Rig) -> Equation:
+    return of_energy(rig, Equation.of(rig))
+
+
+@pytest.mark.parametrize(
+    ("drive", "of"),
+    [*((drive, Equation.of) for drive in ("wheel", "direct", "motor", "free")), ("wheel", energies)],
+)
+def test_coefficients_state_their_derivatives_by_the_constants(drive: str, of: Callable[[Rig], Equation]) -> None:
     rig = rigs()[drive]
-    equation = Equation.of(rig)
+    equation = of(rig)
     keys = [one.key for one in equation.constants if not one.deviation]
     assert keys
     for key in keys:
         slopes, step = equation.slopes(key), 1e-6
-        up, down = (Equation.of(moved(rig, key, sign * step)) for sign in (1.0, -1.0))
+        up, down = (of(moved(rig, key, sign * step)) for sign in (1.0, -1.0))
         for name, value in equation.stated.items():
             if name in ("torque", "stiffness'"):
                 continue  # the column, not the coefficient, changes with the gain and with the spring's zero
@@ -95,6 +104,15 @@ def test_a_tilt_and_the_clock_are_relative_changes_of_gravity_and_spring() -> No
     assert equation.slopes("axis.tilt") == pytest.approx({"gravity_torque": b})
     assert equation.slopes("log.clock") == pytest.approx({"gravity_torque": -2 * b, "stiffness": -2 * k})
     assert equation.slopes("drive.wheel.tilt") == pytest.approx({"wheel": equation.value("wheel")})
+
+
+def test_the_clock_and_the_scale_of_the_voltage_change_the_motor_of_the_energies() -> None:
+    equation = energies(rigs()["wheel"].changed({"log.voltage_scale": "1 ± 0.01"}))
+    volts, emf = equation.value("torque_per_volt"), equation.value("back_emf")
+    clock = {"torque_per_volt": -2 * volts, "back_emf": -emf, "motor_coulomb": -2 * equation.value("motor_coulomb")}
+    clock |= {"motor_viscous": -equation.value("motor_viscous")}
+    assert {name: equation.slopes("log.clock")[name] for name in clock} == pytest.approx(clock)
+    assert equation.slopes("log.voltage_scale") == pytest.approx({"torque_per_volt": volts})
 
 
 def test_what_is_unknown_is_sought_and_has_no_sources() -> None:

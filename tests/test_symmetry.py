@@ -11,9 +11,9 @@ import pytest
 from swingid.balance.fits import Noise
 from swingid.identification import identify
 from swingid.methods.energy import method
-from swingid.methods.energy.balance import Course, states_at
+from swingid.methods.energy.balance import Course, PassRows
 from swingid.methods.energy.passes import mirrored_passes
-from swingid.methods.energy.printed import DEPTHS, chosen_nodes, printed_fit, states_of_pairs
+from swingid.methods.energy.printed import DEPTHS, chosen_nodes, printed_fit
 from swingid.methods.energy.symmetry import Profile, asymmetry_bound, friction_profile
 from swingid.model.rig import Rig
 from swingid.preparation.encoders import Encoders
@@ -37,29 +37,28 @@ def pushed(friction, skew: float = 0.0, seconds: float = 12.0) -> Recording:
 
 
 def parts(log: Recording):
-    """Course, nodes of (6), its fit, and the profile of friction of a log."""
-    noise, scale = Noise(1e-7, 0.0, 1e-3), equation_of(DIRECT)
+    """The fit of (6) of a log, and its profile of friction."""
+    noise, equation = Noise(1e-7, 0.0, 1e-3), equation_of(DIRECT)
     motion = find_motion(log.time, log.angle, noise.angle)
     course = Course.of(log, DIRECT, motion, noise, Encoders.of(DIRECT))
     few = mirrored_passes(motion, DEPTHS, log.time, 0.1)
-    states = states_of_pairs(course, chosen_nodes(few), linear=False)
     many = mirrored_passes(motion, method.LEVELS, log.time, 0.1)
-    profile = friction_profile(course, states_at(course, many.instants, linear=False), DIRECT, scale)
-    return course, states, printed_fit(states, DIRECT, scale, course.axis)[0], profile
+    profile = friction_profile(PassRows.of(course, many.instants, equation), equation)
+    return printed_fit(PassRows.of(course, chosen_nodes(few), equation), equation)[0], profile
 
 
 def test_the_profile_is_the_friction_of_the_log():
     def friction(v):
         return 2e-3 * np.sign(v) + 1e-3 * v
 
-    profile = parts(pushed(friction))[3]
+    profile = parts(pushed(friction))[1]
     np.testing.assert_allclose(profile.torques[1:], friction(profile.speeds)[1:], rtol=0.02)
     assert np.abs(profile.even).max() < 1e-5
 
 
 def test_mirror_images_have_no_symmetry_error():
-    course, states, fit, profile = parts(pushed(lambda v: 5e-3 * v))
-    symmetry = asymmetry_bound(fit, states, course, profile)
+    fit, profile = parts(pushed(lambda v: 5e-3 * v))
+    symmetry = asymmetry_bound(fit, profile)
     assert symmetry.mirror_error < 1e-4
     assert symmetry.bound < 1e-4 * A11
 
@@ -68,31 +67,29 @@ def test_mirror_images_have_no_symmetry_error():
 def test_under_viscous_friction_the_bound_is_the_error_of_6(skew):
     """One slope everywhere: E[F] = f ∫ T ds, and with the exact profile the bound is |E| where T keeps its sign."""
     f = 5e-3
-    course, states, fit, profile = parts(pushed(lambda v: f * v, skew))
+    fit, profile = parts(pushed(lambda v: f * v, skew))
     exact = Profile(profile.speeds, f * profile.speeds, np.zeros(2), np.zeros_like(profile.covariance))
-    bound = asymmetry_bound(fit, states, course, exact).bound
+    bound = asymmetry_bound(fit, exact).bound
     error = abs(fit.a11 - A11)
     assert error > 1e-3 * A11
     assert bound == pytest.approx(error, rel=0.15)
     # the log's own profile, at its 95 % limit
-    assert error <= asymmetry_bound(fit, states, course, profile).bound < 2 * error
+    assert error <= asymmetry_bound(fit, profile).bound < 2 * error
 
 
 def test_coulomb_friction_does_not_feel_unequal_speeds():
     """The same path at the same friction: nothing but what depends on speed feels the asymmetry at equal angles."""
-    course, states, fit, profile = parts(pushed(lambda v: 5e-3 * np.sign(v), 0.03))
+    fit, profile = parts(pushed(lambda v: 5e-3 * np.sign(v), 0.03))
     exact = Profile(profile.speeds, np.full(len(profile.speeds), 5e-3), np.zeros(2), np.zeros_like(profile.covariance))
-    assert asymmetry_bound(fit, states, course, exact).bound < 1e-3 * A11
+    assert asymmetry_bound(fit, exact).bound < 1e-3 * A11
     assert abs(fit.a11 - A11) < 1e-3 * A11
 
 
 def test_the_bound_is_proportional_to_the_slope():
-    course, states, fit, profile = parts(pushed(lambda v: 5e-3 * v, 0.02))
+    fit, profile = parts(pushed(lambda v: 5e-3 * v, 0.02))
     one, two = (
         asymmetry_bound(
             fit,
-            states,
-            course,
             Profile(profile.speeds, k * profile.torques, k * profile.even, k**2 * profile.covariance),
         )
         for k in (1.0, 2.0)

@@ -220,14 +220,3 @@ def declared_with_deviations(rig: Rig, constants: Iterable[Declared]) -> Iterato
         own = [weight * found[source].slopes for source, weight in weights.items()]
         none = np.zeros(len(next(iter(found.values())).slopes))
         yield Declared(stated(key, key), std, sum(own, none), of_time=key == CLOCK)
-
-
-def with_deviations(rig: Rig, constants: Iterable[RowError]) -> Iterator[RowError]:
-    """As `declared_with_deviations`, of errors of rows."""
-    found = {one.source: one for one in constants}
-    yield from found.values()
-    for key, std, weights in deviations(rig, set(found)):
-        own = [(weight, found[source]) for source, weight in weights.items()]
-        rows = sum((weight * one.rows for weight, one in own), np.zeros(len(next(iter(found.values())).rows)))
-        direct = sum(weight * one.direct for weight, one in own)
-        yield RowError(Perturbation(key, std, key, of_time=key == CLOCK), rows, direct)

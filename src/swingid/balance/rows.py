@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -310,7 +310,7 @@ class Rows:
 
     windows: Windows
     columns: Mapping[str, Array]
-    pulls: Mapping[str, float] = field(default_factory=dict)
+    pulls: Mapping[str, Any] = field(default_factory=dict)
     kept: dict[tuple[str, str], Array] = field(default_factory=dict, repr=False, compare=False)
 
     def __getitem__(self, name: str) -> Array:
@@ -324,7 +324,7 @@ class Rows:
         columns = {name: column[keep] for name, column in self.columns.items()}
         return replace(self, windows=self.windows.select(keep), columns=columns, kept={})
 
-    def beside(self, columns: Mapping[str, Array]) -> Rows:
+    def beside(self, columns: Mapping[str, Array]) -> Self:
         """The rows with more columns, or others."""
         return replace(self, columns={**self.columns, **columns})
 

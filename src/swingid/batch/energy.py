@@ -12,13 +12,15 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from swingid.batch.kernels import least_squares, slopes, smoothing
+from swingid.batch.kernels import slopes, smoothing
 from swingid.batch.plan import Batch, Plan, at_stamps, channels_of, require_batch
 from swingid.errors import InputError, UnanswerableError
+from swingid.methods.energy.fit import SMALLEST
 from swingid.methods.energy.method import FEWEST_BLOCKS, LEVELS
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.regression import fit_linear
 from swingid.numerics.vectors import njit_sums_threads, widest
 from swingid.preparation.scale import equation_of
 from swingid.system import cores
@@ -240,11 +242,12 @@ def _constants(rig: Rig, equation: Equation) -> Array:
 
 
 def _fitted(columns: Array, counts: Ints) -> tuple[Array, Array]:
-    """a11 (n,) and its variance as of `fit_nodes`, for columns (n, blocks, nodes, COLUMNS)."""
+    """a11 (n,) and its variance as of `fit_passes`, for columns (n, blocks, nodes, COLUMNS)."""
     n, blocks = columns.shape[:2]
     within = (columns - columns.mean(axis=2, keepdims=True)).reshape(n, -1, COLUMNS)
     matrix, known = within[:, :, :KNOWN], within[:, :, KNOWN]
-    values, _, scores = least_squares(matrix, known, 1e-12)
+    fit = fit_linear(matrix, known, smallest=SMALLEST)
+    values, scores = fit.values, fit.influence[:, 0] * fit.residuals
     scores = scores.reshape(n, blocks, -1).sum(axis=2)
     variance = (scores * scores).sum(axis=1) + (scores[:, 1:] * scores[:, :-1]).sum(axis=1)
     variance *= counts / np.maximum(counts - KNOWN, 1)

@@ -106,21 +106,6 @@ def project(
         row[COULOMB], row[QUADRATIC], row[OFFSET], row[EVEN], row[LATE] = coulomb, quadratic, total, even, moved
 
 
-def least_squares(matrix: Array, known: Array, rcond: float) -> tuple[Array, Array, Array]:
-    """Values (n, p), influence (n, rows) on the first of them, and its scores (influence times residual), of n fits.
-
-    matrix (n, rows, p), known (n, rows); rcond: of the normal equations, with columns scaled to unit length.
-    """
-    size = np.linalg.norm(matrix, axis=1, keepdims=True)
-    size[size == 0.0] = 1.0
-    scaled = matrix / size
-    inverse = np.linalg.pinv(scaled.transpose(0, 2, 1) @ scaled, rcond=rcond, hermitian=True)
-    values = inverse @ (scaled.transpose(0, 2, 1) @ known[:, :, None])
-    influence = (scaled @ inverse[:, :, :1])[:, :, 0] / size[:, :, 0]
-    scores = influence * (known - (scaled @ values)[:, :, 0])
-    return values[:, :, 0] / size[:, 0], influence, scores
-
-
 def smoothing(half_width: float, step: float) -> Array:
     """Weights (2, m) of samples 0 ... m - 1 steps away: of the angle (even) and, odd, of the speed, by local cubics."""
     reach = int(np.floor(half_width / step * (1.0 - 1e-9)))

@@ -8,23 +8,36 @@ the noise of the sensors alone. For campaigns; for a single log use `identify`.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
-from swingid.balance.fits import LAG, with_excess
+from swingid.balance.fits import BASIS, LAG, covariance_of
+from swingid.balance.rows import Rows, Windows
 from swingid.batch import kernels
 from swingid.batch.plan import Batch, Plan, at_stamps, channels_of, require_batch
 from swingid.errors import UnanswerableError
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.test_functions import CURVATURE_POWER, overlap_terms
+from swingid.numerics.regression import fit_linear
+from swingid.preparation.noise import Noise
 from swingid.preparation.scale import equation_of
 from swingid.preparation.speed import SHARE
 from swingid.system import cores
 
-PLACES = (kernels.INERTIA, kernels.COULOMB, kernels.VISCOUS, kernels.QUADRATIC, kernels.OFFSET, kernels.EVEN)
-"""Columns of the unknowns: a11 of the whole axis first, then the terms of friction."""
+UNKNOWNS = ("inertia", *BASIS)
+"""a11 of the whole axis, then the terms of friction."""
+
+PLACES = {
+    "inertia": kernels.INERTIA,
+    "coulomb": kernels.COULOMB,
+    "viscous": kernels.VISCOUS,
+    "quadratic": kernels.QUADRATIC,
+    "offset": kernels.OFFSET,
+    "viscous_even": kernels.EVEN,
+}
+"""Columns of the unknowns."""
 
 REVERSAL = 0.5 / SHARE
 """Half-width of the cubics for reversals, in that of the plan: half of that for speeds, as for a single log."""
@@ -69,45 +82,21 @@ def momentum_batch(
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(part, edges[:-1], edges[1:]))
     stiffness = np.cos(angle[:, first : last + 1 : reach // 4 or 1]).mean(axis=1)
-    return _fitted(columns, stiffness, equation, plan, reach * step, step)
+    centres = step * (first + reach + reach // 2 * np.arange(windows))
+    supports = Windows(centres, np.full(windows, reach * step))
+    return _fitted(columns, stiffness, equation, plan, supports, step)
 
 
-def _fitted(columns: Array, stiffness: Array, equation: Equation, plan: Plan, half: float, step: float) -> Batch:
-    """Least squares of all logs, with the variance of a11 of `covariance_of`: sensor noise and excess scatter."""
-    matrix = columns[:, :, PLACES]
+def _fitted(columns: Array, stiffness: Array, equation: Equation, plan: Plan, windows: Windows, step: float) -> Batch:
+    """Least squares of all logs at once, with the covariance of a single one; stiffness (n,): mean cos q1."""
     known = (
         -equation.value("wheel") * columns[:, :, kernels.WHEEL]
         - equation.value("gravity_torque") * columns[:, :, kernels.GRAVITY]
     )
-    values, weights, scores = kernels.least_squares(matrix, known, 1e-14)
-    a11, coulomb = values[:, 0], values[:, PLACES.index(kernels.COULOMB)]
-    variance = (scores * scores).sum(axis=1)
-    for k in range(1, LAG + 1):
-        variance += 2.0 * (1 - k / (LAG + 1)) * (scores[:, k:] * scores[:, :-k]).sum(axis=1)
-    independent = matrix.shape[1] / (LAG / 2)
-    variance *= independent / max(independent - len(PLACES), 1.0)
-    gravity = equation.value("gravity_torque") * stiffness * half**2 / a11
-    sensor, seen = _sensor_variance(weights, a11, gravity, equation, plan, half, step)
-    variance = with_excess(sensor, seen, variance, matrix.shape[1] - len(PLACES))
-    power = plan.noise**2 * step * CURVATURE_POWER * matrix.shape[1] / half**3
-    variance += (a11 * power * (weights * weights).sum(axis=1)) ** 2  # noise in the regressor of the inertia
-    variance += (coulomb * (weights * columns[:, :, kernels.LATE]).sum(axis=1)) ** 2
-    return Batch(a11 - equation.carried, np.sqrt(variance))
-
-
-def _sensor_variance(
-    weights: Array, a11: Array, gravity: Array, equation: Equation, plan: Plan, half: float, step: float
-) -> tuple[Array, Array]:
-    """Variance of a11 (n,) by white noise of both angles, and Newey and West's sum for that noise.
-
-    weights (n, windows): influence of the windows on a11; gravity (n,): as in `curvature_overlap`.
-    """
-    powers = [(a11 * plan.noise) ** 2, (equation.value("wheel") * plan.wheel_noise) ** 2]
-    true, seen = np.zeros(len(weights)), np.zeros(len(weights))
-    for lag, curved, crossed, plain in zip(range(4), *overlap_terms(np.arange(0.0, 2.0, 0.5)), strict=True):
-        pairs = (weights[:, lag:] * weights[:, : weights.shape[1] - lag]).sum(axis=1) * (2.0 if lag else 1.0)
-        both = pairs * (powers[0] * (curved + gravity * (2 * crossed + gravity * plain)) + powers[1] * curved)
-        true += both
-        seen += (1 - lag / (LAG + 1)) * both
-    unit = step / half**3
-    return np.maximum(true, 0.0) * unit, np.maximum(seen, 0.0) * unit
+    fit = fit_linear(columns[:, :, [PLACES[name] for name in UNKNOWNS]], known)
+    rows = Rows(windows, {}, {"gravity_torque": stiffness})
+    alone = replace(fit, influence=fit.influence[:, :1])  # of the inertia
+    variance = covariance_of(alone, rows, UNKNOWNS, equation, Noise(plan.noise, plan.wheel_noise, step))[0][:, 0, 0]
+    late = (fit.influence[:, 0] * columns[:, :, kernels.LATE]).sum(axis=1)
+    variance = variance + (fit.values[:, UNKNOWNS.index("coulomb")] * late) ** 2
+    return Batch(fit.values[:, 0] - equation.carried, np.sqrt(variance))

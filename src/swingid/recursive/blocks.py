@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from swingid.balance.energies import of_energy
 from swingid.balance.errors import errors_of
 from swingid.balance.fits import BASIS, columns_of, known_side
 from swingid.balance.perturbations import RowError
 from swingid.balance.rows import Signals, Windows, rows_of
-from swingid.methods.energy.balance import Course, states_at
-from swingid.methods.energy.effects import effects
-from swingid.methods.energy.fit import BASIS as ENERGY_BASIS
-from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
+from swingid.methods.energy.balance import Course, PassRows
+from swingid.methods.energy.effects import pass_errors
 from swingid.methods.energy.method import LEVELS
 from swingid.methods.energy.passes import mirrored_passes
 from swingid.model.equation import Equation
@@ -98,17 +97,15 @@ def energy_block(
     if len(chosen) != 1:
         return None
     course = Course.of(on_stamps(log, encoders), rig, motion, noise, encoders.on_time())
-    states = states_at(course, passes.instants[chosen], linear=equation.linear, further=equation.further)
-    named = columns_at(states, equation, ENERGY_BASIS)
-    columns = np.column_stack([within_blocks(column) for column in named.values()])
-    unknowns, target = tuple(named), within_blocks(states.known(rig, equation))
+    equation = of_energy(rig, equation)
+    rows = PassRows.of(course, passes.instants[chosen], equation)
+    unknowns, columns = columns_of(rows, equation, BASIS)
 
     def declared(values: Array) -> list[RowError]:
         """On differences from the block's mean."""
-        fit = NodeFit(unknowns, values, np.zeros((len(unknowns), 0)), None, np.empty((0, 0)))
-        b = fit.value("gravity_torque") if equation.seeks("gravity_torque") else equation.value("gravity_torque")
-        found = effects(rig, course, states, equation, fit, b)
-        shape = states.instants.shape
-        return [replace(item, rows=within_blocks(item.rows.reshape(shape))) for item in found if item.std > 0]
+        known = equation.stated | dict(zip(unknowns, values.tolist(), strict=True))
+        found = (item for item in pass_errors(rows, rig, equation, known) if item.std > 0)
+        return [replace(item, rows=rows.within(item.rows)) for item in found]
 
+    columns, target = rows.within(columns.T).T, rows.within(known_side(rows, equation))
     return Block(turning, float(motion.sides[at]), unknowns, columns, target, None, declared)

@@ -6,7 +6,7 @@ import numpy as np
 
 from swingid.balance.motor import MotorBalance
 from swingid.checks.rig_file import CONFLICT
-from swingid.methods.backstepping.curve import BANDS, Curve, Run, mean_over, scatter_of_mean
+from swingid.methods.backstepping.curve import BANDS, Run, mean_over, scatter_of_mean
 from swingid.model.equation import Equation
 from swingid.preparation.motion import Motion
 from swingid.result.result import Convergence, Details
@@ -55,6 +55,8 @@ def details(run: Run, others: dict[str, Run], law: str, motion: Motion, balance:
         if one.settled.converged
     }
     extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
+    kept = np.unique(np.linspace(0, len(curve.time) - 1, POINTS).astype(np.int64))
+    times = {band: curve.convergence_time(share) for band, share in BANDS.items()}
     return Details(
         start=float(curve.time[0]),
         stop=float(curve.time[-1]),
@@ -62,12 +64,5 @@ def details(run: Run, others: dict[str, Run], law: str, motion: Motion, balance:
         turning_angles=motion.turning_angles,
         estimates=estimates,
         extra=extra,
-        convergence=convergence_of(curve, settled.span(curve.turning)),
+        convergence=Convergence(curve.time[kept], curve.values[kept], settled.span(curve.turning), times),
     )
-
-
-def convergence_of(curve: Curve, settled: tuple[float, float]) -> Convergence:
-    """The curve thinned to some hundred points, and its convergence times."""
-    kept = np.unique(np.linspace(0, len(curve.time) - 1, POINTS).astype(np.int64))
-    times = {name: curve.convergence_time(band) for name, band in BANDS.items()}
-    return Convergence(curve.time[kept], curve.values[kept], settled, times)

@@ -87,7 +87,7 @@ def backstepping(
 
     rig_file = RigFileCheck.of(prepared)
     conflict = rig_file.conflict if rig_file else 0.0
-    declared = effects(used, rig, part.encoders, again)
+    declared = effects(used, rig, equation, part.encoders, again)
     answered = answer(run, others, declared, equation, conflict, rig.axis.model_uncertainty)
     parameters = answered.parameters
     compared = parameters["inertia"].standard_uncertainty if equation.drive == "reaction-wheel" else None

@@ -145,43 +145,29 @@ def signals_of(channels: Channels, rig: Rig, *, sooner: bool = False) -> Signals
     that compensates friction reacts to a reversal within a row, after half of one on average; smoothing does not
     resolve that, and whether the controller compensates is unknown.
     """
-    gravity = rig.axis.acting_gravity
-    assert gravity is not None
-    sine = np.sin(channels.angle)
+    sine, drive, motor = np.sin(channels.angle), rig.drive, rig.drive.motor
     phi = -sine
-    if rig.drive.kind == "direct":
-        phi = phi + channels.drive / gravity.value
-    elif rig.drive.kind == "reaction-wheel":
-        motor = rig.drive.motor
-        assert motor is not None
-        wheel = channels.wheel_speed
+    if drive.kind == "direct":
+        phi = phi + channels.drive / _gravity(rig)
+    elif motor is not None:
+        wheel, scale = channels.wheel_speed, drive.a12 / (drive.a22 * _gravity(rig))
         torque = motor_torque(motor, channels.drive, wheel) - motor_drag(motor, wheel)
         if sooner:
-            torque = torque + motor.coulomb.value * (np.sign(wheel) - np.sign(_ahead(channels, rig)))
-        pull = rig.drive.a12 / (rig.drive.a22 * gravity.value) * motor.gear_ratio.value * torque
+            # advanced by half a row of the jump of its friction
+            jump = 2 * motor.gear_ratio.value * motor.coulomb.value / drive.a22
+            ahead = np.sign(np.gradient(wheel[:, 1]))[:, None] * jump * np.diff(channels.time)[:, None] / 2
+            torque = torque + motor.coulomb.value * (np.sign(wheel) - np.sign(wheel + ahead))
+        pull = scale * motor.gear_ratio.value * torque
         if channels.rests is not None and channels.acceleration is not None:
             # friction holds the wheel, whatever the motor does; equation (II) is then a12 q1'' = N (M − friction)
-            held = rig.drive.a12**2 / (rig.drive.a22 * gravity.value) * channels.acceleration
-            pull = np.where(channels.rests, held, pull)
+            pull = np.where(channels.rests, scale * drive.a12 * channels.acceleration, pull)
         phi = phi - pull
     return Signals(channels.time, channels.speed, sine, phi)
 
 
-def _ahead(channels: Channels, rig: Rig) -> Array:
-    """The wheel's speed, advanced by half a row of the jump of its friction."""
-    motor, wheel = rig.drive.motor, channels.wheel_speed
-    assert motor is not None
-    jump = 2 * motor.gear_ratio.value * motor.coulomb.value / rig.drive.a22
-    half = np.diff(channels.time)[:, None] / 2
-    result: Array = wheel + np.sign(np.gradient(wheel[:, 1]))[:, None] * jump * half
-    return result
-
-
 def inertia_of(alpha2: Array, rig: Rig) -> Array:
     """J1^ (kg m²) of (22) for estimates of α2 (1/s²); without a wheel b/α2."""
-    gravity = rig.axis.acting_gravity
-    assert gravity is not None
-    whole = gravity.value / alpha2
+    whole = _gravity(rig) / alpha2
     if rig.drive.kind != "reaction-wheel":
         return whole
     return whole + rig.drive.a12**2 / rig.drive.a22 - rig.drive.carried
@@ -189,6 +175,11 @@ def inertia_of(alpha2: Array, rig: Rig) -> Array:
 
 def viscous_of(alpha2: Array, alpha3: Array, rig: Rig) -> Array:
     """f1^ N (N m s) of (22), with a wheel or without."""
+    return alpha3 * _gravity(rig) / alpha2
+
+
+def _gravity(rig: Rig) -> float:
+    """The gravity torque b (N m), which the method requires."""
     gravity = rig.axis.acting_gravity
     assert gravity is not None
-    return alpha3 * gravity.value / alpha2
+    return gravity.value

@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.friction_laws import TERMS, Law, curve_speeds
+from swingid.balance.fits import known_side
+from swingid.balance.friction_laws import TERMS, Law, curve_speeds, parameter_weights
 from swingid.balance.perturbations import propagated
-from swingid.methods.energy.balance import Course, States
 from swingid.methods.energy.chain import Chain
-from swingid.methods.energy.effects import effects
-from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
-from swingid.model.equation import Equation
+from swingid.methods.energy.effects import pass_errors
+from swingid.methods.energy.fit import PassFit
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
@@ -40,64 +39,63 @@ class EnergyEstimate:
     """
 
     variant: str
-    fit: NodeFit
-    course: Course
-    states: States
+    fit: PassFit
     turning: Array
     sides: Array
-    others: dict[str, NodeFit]
+    others: dict[str, PassFit]
     common: dict[tuple[str, str], float]
     sensor: float
     each: Array | None
     notes: tuple[Message, ...]
 
+    def beside(self, more: dict[tuple[str, str], float]) -> EnergyEstimate:
+        """The estimate with more errors that are common to all swings."""
+        return replace(self, common=self.common | more)
 
-def energy_answer(estimate: EnergyEstimate, rig: Rig, equation: Equation) -> Evaluated:
+
+def energy_answer(estimate: EnergyEstimate, rig: Rig) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant, by its key."""
-    fit, course = estimate.fit, estimate.course
-    weights, units = _sought(fit, equation, float(np.sqrt(np.mean(course.axis.speed**2))))
-    values = {name: (float(own @ fit.values), units[name]) for name, own in weights.items()}
-    values["inertia"] = fit.a11 - equation.carried, units["inertia"]
+    fit, equation = estimate.fit, estimate.fit.equation
+    weights, units = _sought(fit), units_on(linear=equation.linear)
+    values = {name: (float(own @ fit.fit.values), units[name]) for name, own in weights.items()}
+    values["inertia"] = fit.inertia, units["inertia"]
     own = np.array(list(weights.values()))
-    b = fit.value("gravity_torque") if equation.seeks("gravity_torque") else equation.value("gravity_torque")
-    declared = propagated(effects(rig, course, estimate.states, equation, fit, b), fit.influence, own)
+    declared = propagated(pass_errors(fit.rows, rig, equation, fit.coefficients), fit.fit.influence, own)
     common = [(systematic(source), name, spread) for (name, source), spread in estimate.common.items()]
-    if fit.covariance is None:
+    unmodelled = rig.axis.model_uncertainty
+    if not fit.has_scatter:
         noise = scatter("sensor noise"), "inertia", float(np.sqrt(estimate.sensor))
-        return evaluate(values, None, [noise, *common], declared, unknown=values, relative=rig.axis.model_uncertainty)
+        return evaluate(values, None, [noise, *common], declared, unknown=values, relative=unmodelled)
     widening = max(1.0, estimate.sensor / max(fit.covariance[0, 0], 1e-300)) if estimate.sensor > 0 else 1.0
-    u = fit.u() * np.sqrt(widening)
+    u = fit.u * np.sqrt(widening)
     for name, other in estimate.others.items():  # of the same log, so the variances differ by that of the difference
-        dark = dark_uncertainty(other.a11 - fit.a11, abs(other.u() ** 2 - u**2), u)
+        dark = dark_uncertainty(other.a11 - fit.a11, abs(other.u**2 - u**2), u)
         common.append((systematic(f"disagreement: {name}"), "inertia", dark))
-    blocks = np.square(own @ fit.influence).reshape(len(own), len(estimate.turning), -1).sum(axis=2)
+    blocks = fit.rows.blocks(np.square(own @ fit.fit.influence)).sum(axis=2)
     freedom = [scatter_freedom(np.sqrt(block), NEIGHBOURS, len(fit.unknowns)) for block in blocks]
     scattered = Scatter(
         "scatter of the swings and sensor noise", own @ fit.covariance @ own.T * widening, np.array(freedom)
     )
-    return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)
+    return evaluate(values, scattered, common, declared, relative=unmodelled)
 
 
-def _sought(fit: NodeFit, equation: Equation, speed: float) -> tuple[dict[str, Array], dict[str, str]]:
-    """Weights of each parameter on the unknowns, and the units; `speed`: root mean square of the motion's."""
+def _sought(fit: PassFit) -> dict[str, Array]:
+    """Weights of each parameter on the unknowns: of friction by direction where that matters."""
     unit = {name: np.eye(len(fit.unknowns))[k] for k, name in enumerate(fit.unknowns)}
-    units = units_on(linear=equation.linear)
-    plain: dict[str, Array] = {
-        name: unit[name] for name in (*equation.sought, "coulomb", "viscous", "quadratic") if name in unit
-    }
-    if _depends_on_direction(fit, speed):
-        for name, even in (("coulomb", "offset"), ("viscous", "viscous_even")):
-            both = plain.pop(name)
-            plain |= {f"{name}_positive": both + unit[even], f"{name}_negative": both - unit[even]}
-    return plain, units
+    even = ("offset", "viscous_even") if _depends_on_direction(fit) else ()
+    terms = tuple(name for name in ("coulomb", "viscous", "quadratic", *even) if name in unit)
+    found = {name: unit[name] for name in fit.unknowns if fit.equation.seeks(name)}
+    columns = np.array([unit[name] for name in terms])
+    return found | {name: own @ columns for name, own in parameter_weights(terms).items()}
 
 
-def _depends_on_direction(fit: NodeFit, speed: float) -> bool:
+def _depends_on_direction(fit: PassFit) -> bool:
     """Whether the even terms of friction are significant (chi-square of two, 99.9 %) and not negligible."""
-    if "viscous_even" not in fit.unknowns or fit.covariance is None:
+    if "viscous_even" not in fit.unknowns or not fit.has_scatter:
         return False
     even = [fit.unknowns.index("offset"), fit.unknowns.index("viscous_even")]
-    values, covariance = fit.values[even], fit.covariance[np.ix_(even, even)]
+    values, covariance = fit.fit.values[even], fit.covariance[np.ix_(even, even)]
+    speed = float(np.sqrt(np.mean(fit.rows.course.axis.speed**2)))
     odd = fit.value("coulomb") + fit.value("viscous") * speed + fit.value("quadratic") * speed**2
     if max(abs(values[0]), abs(values[1]) * speed) < LEAST_EVEN * abs(odd):
         return False
@@ -105,17 +103,16 @@ def _depends_on_direction(fit: NodeFit, speed: float) -> bool:
 
 
 def with_chain(
-    estimate: EnergyEstimate, smoothed: EnergyEstimate, chain: Chain, equation: Equation
+    estimate: EnergyEstimate, smoothed: EnergyEstimate, chain: Chain
 ) -> tuple[EnergyEstimate, list[Message]]:
     """The estimate with its difference to smoothed speeds as an uncertainty, and for W_f a warning."""
     fit, other = estimate.fit, smoothed.fit
     source = "what observers and filter move"
     moves = {name: abs(fit.value(name) - other.value(name)) for name in ("inertia", "viscous", "coulomb", "quadratic")}
-    common = {(name, source): move for name, move in moves.items() if name in fit.unknowns}
-    estimate = replace(estimate, common=estimate.common | common)
-    if chain.filter_time == 0 or equation.drive == "none":
+    estimate = estimate.beside({(name, source): move for name, move in moves.items() if name in fit.unknowns})
+    if chain.filter_time == 0 or fit.equation.drive == "none":
         return estimate, []
-    share = (fit.a11 - other.a11) / (other.a11 - equation.carried)
+    share = (fit.a11 - other.a11) / other.inertia
     text = (
         f"W_f of {1e3 * chain.filter_time:g} ms attenuates the drive; with the observers it changes this inertia by "
         f"{share:+.2%} from that of smoothed speeds and the drive as it was held; filter_time=0 does not filter it."
@@ -123,42 +120,39 @@ def with_chain(
     return estimate, [Message("filtered-drive", text)]
 
 
-def energy_details(estimate: EnergyEstimate, rig: Rig, equation: Equation, part: Part) -> Details:
+def energy_details(estimate: EnergyEstimate, part: Part) -> Details:
     """What the report draws."""
-    fit, states, carried = estimate.fit, estimate.states, equation.carried
-    travelled = np.abs(np.diff(states.angle, axis=1)).sum(axis=1)
-    estimates = {estimate.variant: (fit.a11 - carried, fit.u())}
-    estimates |= {name: (other.a11 - carried, other.u()) for name, other in estimate.others.items()}
-    better = estimate.each is None
+    fit, better = estimate.fit, estimate.each is None
+    travelled = np.abs(np.diff(fit.rows.blocks(fit.rows.angle), axis=1)).sum(axis=1)
+    left = fit.rows.blocks(fit.fit.residuals)
     return Details(
         start=part.start,
         stop=part.stop,
         turning_times=part.motion.turning_times,
         turning_angles=part.motion.turning_angles,
-        swings=_per_swing(estimate, rig, equation),
-        friction=_curve(fit, float(np.max(np.abs(estimate.course.axis.speed)))) if better else None,
-        estimates=estimates,
+        swings=_per_swing(estimate),
+        friction=_curve(fit) if better else None,
+        estimates={name: (one.inertia, one.u) for name, one in {estimate.variant: fit, **estimate.others}.items()},
         residual_times=estimate.turning if better else np.empty(0),
-        residuals=(fit.residuals[:, -1] - fit.residuals[:, 0]) / travelled if better else np.empty(0),
+        residuals=(left[:, -1] - left[:, 0]) / travelled if better else np.empty(0),
     )
 
 
-def _per_swing(estimate: EnergyEstimate, rig: Rig, equation: Equation) -> SwingSeries:
+def _per_swing(estimate: EnergyEstimate) -> SwingSeries:
     """One inertia per turning point: that of its pair, or of its block less the fitted friction."""
-    fit, states, values = estimate.fit, estimate.states, estimate.each
-    blocks = len(states.instants)
+    fit, rows, values = estimate.fit, estimate.fit.rows, estimate.each
     if values is None:
-        columns = columns_at(states, equation, tuple(name for name in fit.unknowns if name in states.friction))
-        left = states.known(rig, equation) - sum(fit.value(name) * columns[name] for name in fit.unknowns[1:])
-        energy, speed = (within_blocks(x).reshape(blocks, -1) for x in (left, columns["inertia"]))
+        left = known_side(rows, fit.equation) - rows.sum_of({name: fit.value(name) for name in fit.unknowns[1:]})
+        energy, speed = (rows.blocks(rows.within(x)) for x in (left, rows["inertia"]))
         values = (energy * speed).sum(axis=1) / (speed * speed).sum(axis=1)
-    expected = float(np.sqrt(estimate.sensor * blocks))
-    return SwingSeries.of(estimate.turning, estimate.sides, values - equation.carried, expected)
+    expected = float(np.sqrt(estimate.sensor * len(rows.instants)))
+    return SwingSeries.of(estimate.turning, estimate.sides, values - fit.equation.carried, expected)
 
 
-def _curve(fit: NodeFit, fastest: float) -> FrictionCurve:
+def _curve(fit: PassFit) -> FrictionCurve:
     """The fitted terms as a curve, with their uncertainty."""
     terms = tuple(name for name in fit.unknowns if name in TERMS)
     at = [fit.unknowns.index(name) for name in terms]
-    covariance = np.zeros((len(at), len(at))) if fit.covariance is None else fit.covariance[np.ix_(at, at)]
-    return Law(LAW, terms, fit.values[at], np.nan).curve_at(curve_speeds(fastest), covariance)
+    covariance = fit.covariance[np.ix_(at, at)] if fit.has_scatter else np.zeros((len(at), len(at)))
+    speeds = curve_speeds(float(np.max(np.abs(fit.rows.course.axis.speed))))
+    return Law(LAW, terms, fit.fit.values[at], np.nan).curve_at(speeds, covariance)

@@ -1,10 +1,7 @@
-"""The energy balance (1), (2) at any instant: energy of the rig, work of the drive, and loss by friction.
+"""The terms of the energy balance (1), (2) at any instant, as rows: see `balance.energies`.
 
-    ½ a11 q1'² + ∫F q1' dt = W + b cos q1 − a12 q1' q2' − ½ a22 q2'² + constant
-    W = ∫N (M − f2 N q2' − f3 sgn q2') q2' dt    (reaction wheel)        W = ∫τ q1' dt    (direct drive)
-
-Between two instants the constant drops out: that is a pass of the paper. Velocities come from the angles by local
-cubics (`smooth_speed`, each channel with its own width). The work of the voltage, which is constant between
+Between two instants the constant of energy drops out: that is a pass of the paper. Velocities come from the angles by
+local cubics (`smooth_speed`, each channel with its own width). The work of the voltage, which is constant between
 two samples, is taken over the measured turn of the wheel, so it telescopes; a smoothed speed only determines
 the branch of the dead zone, the direction of rotation, and the loss by f2.
 """
@@ -12,17 +9,19 @@ the branch of the dead zone, the direction of rotation, and the loss by f2.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from swingid.balance.motor import motor_drag, motor_torque
-from swingid.methods.energy.chain import Chain, between_rows, filtered_drive, observed_speed
+from swingid.balance.motor import motor_torque
+from swingid.balance.rows import Rows, Windows
+from swingid.methods.energy.chain import Chain, drive_at, observed_speed
 from swingid.model.equation import Equation, shifted
 from swingid.model.rig import Rig
+from swingid.model.rig.drive import Motor
 from swingid.model.terms import WAVE, RigTerm
-from swingid.numerics.arrays import Array
+from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.quadrature import GaussNodes, running_integrals
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import Motion
@@ -32,15 +31,20 @@ from swingid.recording.recording import Recording
 
 SMOOTHED = Chain()
 
+LOSSES = ("coulomb", "viscous", "quadratic", "viscous_even")
+"""Terms of friction whose work is an integral; that of `offset` is the angle."""
+
+MOTOR = ("torque_per_volt", "back_emf", "dead_zone", "motor_viscous", "motor_coulomb")
+"""Terms of the work of a wheel's motor; that of another drive is `torque`."""
+
 
 @dataclass(frozen=True)
 class Course:
-    """Speeds and known powers of a log at its Gauss nodes, arrays (n−1, points).
+    """Speeds and drive of a log at its Gauss nodes, arrays (n−1, points).
 
-    axis: q1' smoothed. power: of the drive (W), less the losses of the motor. turn: q2' whose integral over an
-    interval is the measured turn (or smoothed, see `of`); wheel_speed: q2' smoothed. voltage:
-    as held; active: 1 where the motor is outside its dead zone. Direct drive: turn is q1', voltage the torque, wheel
-    None. Free decay: power 0. encoders: what is declared of them.
+    axis: q1' smoothed, at the nodes speed. turn: q2' whose integral over an interval is the measured turn (or smoothed,
+    see `of`); wheel_speed: q2' smoothed. drive: voltage or torque between the rows. Direct drive: turn is q1', wheel
+    and motor None. Free decay: 0. encoders: what is declared of them.
     """
 
     nodes: GaussNodes
@@ -49,9 +53,8 @@ class Course:
     speed: Array
     turn: Array
     wheel_speed: Array
-    voltage: Array
-    active: Array
-    power: Array
+    drive: Array
+    motor: Motor | None
     encoders: Encoders
 
     @classmethod
@@ -77,136 +80,124 @@ class Course:
         else:
             axis = narrowed(motion.speed, log.time, log.angle, noise.angle)
         speed = axis.at_nodes(nodes)
-        nothing = np.zeros_like(speed)
+        still = np.zeros_like(speed)
         if rig.drive.kind == "none":
-            return cls(nodes, axis, None, speed, nothing, nothing, nothing, nothing, nothing, encoders)
-        command = log.voltage if rig.drive.kind == "reaction-wheel" else log.torque
-        assert command is not None
-        if chain.filter_time > 0:
-            drive = filtered_drive(nodes, command, chain.filter_time, held=log.drive_held)
-        else:
-            drive = between_rows(nodes, command, held=log.drive_held)
+            return cls(nodes, axis, None, speed, still, still, still, None, encoders)
+        smoothed = chain.observers or not measured
         if rig.drive.kind == "direct":
-            turn = speed if chain.observers or not measured else nodes.spline(log.angle, derivative=1)
-            return cls(nodes, axis, None, speed, turn, nothing, drive, nothing, drive * turn, encoders)
+            assert log.torque is not None
+            turn = speed if smoothed else nodes.spline(log.angle, derivative=1)
+            return cls(nodes, axis, None, speed, turn, still, drive_at(nodes, log, log.torque, chain), None, encoders)
         assert log.wheel_angle is not None
-        assert rig.drive.motor is not None
+        assert log.voltage is not None
         if chain.observers:
             wheel = observed_speed(log.time, log.wheel_angle, noise.wheel)
         else:
             wheel = smooth_speed(log.time, log.wheel_angle, noise.wheel, spacing=SPACING, share=SHARE)
-        wheel_speed = wheel.at_nodes(nodes)
-        turn = wheel_speed if chain.observers or not measured else nodes.spline(log.wheel_angle, derivative=1)
-        motor = rig.drive.motor
-        torque = motor_torque(motor, drive, wheel_speed)
-        active = (torque != 0.0).astype(np.float64)
-        power = motor.gear_ratio.value * (torque - motor_drag(motor, wheel_speed)) * turn
-        return cls(nodes, axis, wheel, speed, turn, wheel_speed, drive, active, power, encoders)
+        rate = wheel.at_nodes(nodes)
+        turn = rate if smoothed else nodes.spline(log.wheel_angle, derivative=1)
+        voltage = drive_at(nodes, log, log.voltage, chain)
+        return cls(nodes, axis, wheel, speed, turn, rate, voltage, rig.drive.motor, encoders)
+
+    @cached_property
+    def active(self) -> Array:
+        """1 where the motor is outside its dead zone, else 0."""
+        assert self.motor is not None
+        acts: Bools = motor_torque(self.motor, self.drive, self.wheel_speed) != 0.0
+        return acts.astype(np.float64)
+
+    def powers(self) -> Iterator[Array]:
+        """Powers f q1' of the terms `LOSSES`, then those of the drive, at the nodes, one by one: each takes memory."""
+        v, size = self.speed, np.abs(self.speed)
+        square = v * v
+        yield from (size, square, size * square, size * v)
+        if self.motor is None:
+            yield self.drive * self.turn
+            return
+        rate, acting, (low, high) = self.wheel_speed, self.active * self.turn, self.motor.dead_zone
+        yield acting * self.drive
+        yield acting * rate
+        yield np.where(motor_torque(self.motor, self.drive, rate) > 0.0, high, low) * acting
+        yield rate * self.turn
+        yield np.sign(rate) * self.turn
 
 
-@dataclass(frozen=True)
-class States:
-    """Angles, speeds, accelerations and running integrals at the nodes of all passes; arrays (blocks, nodes).
+@dataclass(frozen=True, kw_only=True)
+class PassRows(Rows):
+    """The terms of the balance at the nodes of passes: of each the energy (blocks · nodes,) by its name.
 
-    height: cos q1, by which gravity's torque b enters (0 on a linear axis). work: W. friction: ∫f(q1') q1' dt of every
-    term f of friction (`TERMS`). further: ∫f q1' dt of the rig's further terms, and under their names with "'" behind
-    ∫(∂f/∂shift) q1' dt. motor: derivatives of W by the motor's constants but for constant factors (`MOTOR`). Rising
-    over the flattened array.
+    instants (blocks, nodes): of the nodes, in s; a block has a constant of energy of its own.
     """
 
+    course: Course
     instants: Array
-    angle: Array
-    height: Array
-    speed: Array
-    acceleration: Array
-    wheel_speed: Array
-    wheel_acceleration: Array
-    work: Array
-    friction: dict[str, Array]
-    motor: dict[str, Array]
-    further: dict[str, Array]
 
-    def each(self, change: Callable[[Array], Array]) -> States:
-        """The states with all arrays changed alike."""
-        changed: dict[str, Any] = {
-            name: {key: change(one) for key, one in value.items()} if isinstance(value, dict) else change(value)
-            for name, value in vars(self).items()
-        }
-        return States(**changed)
+    @classmethod
+    def of(cls, course: Course, instants: Array, equation: Equation) -> PassRows:
+        """The terms of an equation at `instants` (blocks, nodes) inside the log."""
+        rows = cls(Windows(instants.ravel(), np.zeros(instants.size)), {}, course=course, instants=instants)
+        v1, v2, angle = rows.speed, rows.wheel_speed, rows.angle
+        found = {"inertia": 0.5 * v1**2, "gravity_torque": np.zeros_like(v1) if equation.linear else -np.cos(angle)}
+        found |= {"wheel": v1 * v2, "wheel_inertia": 0.5 * v2**2, "offset": angle}
+        works = rows.at(lambda times: running_integrals(course.nodes, course.powers(), times))
+        found |= dict(zip(LOSSES + (("torque",) if course.motor is None else MOTOR), works, strict=True))
+        for term in equation.further:
+            found |= _further_works(rows, term)
+        return rows.beside(found)
 
-    def known(self, rig: Rig, equation: Equation) -> Array:
-        """The known side of the balance: W + b cos q1 − Σ c ∫f q1' dt − a12 q1' q2' − ½ a22 q2'² with what is known."""
-        side = self.work + equation.value("gravity_torque") * self.height
-        side = side - sum((equation.value(name) * column for name, column in self.further.items()), 0.0)
-        if equation.drive != "reaction-wheel":
-            return side
-        v1, v2 = self.speed, self.wheel_speed
-        result: Array = side - rig.drive.a12 * v1 * v2 - 0.5 * rig.drive.a22 * v2**2
+    def at(self, function: Callable[[Array], Array]) -> Array:
+        """A function of rising instants, (…, instants), at the nodes, which overlap where passes do."""
+        flat = self.windows.centres
+        found = function(flat[self._order])
+        result = np.empty_like(found)
+        result[..., self._order] = found
         return result
 
+    @cached_property
+    def _order(self) -> Ints:
+        return np.argsort(self.windows.centres, kind="stable")
 
-TERMS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
-"""sgn v, v, v|v|; what depends on the direction: 1 and |v|."""
+    @cached_property
+    def angle(self) -> Array:
+        """Smoothed angle of the axis at the nodes, flattened as the terms are."""
+        return self.at(self.course.axis.angle_at)
 
-MOTOR = ("voltage", "back_emf", "viscous", "coulomb")
-"""Factors of c1, c2, f2 and f3: u q2' and q2'² outside the dead zone, q2'², |q2'|."""
+    @cached_property
+    def speed(self) -> Array:
+        """q1' at the nodes."""
+        return self.at(self.course.axis.at)
 
+    @cached_property
+    def wheel_speed(self) -> Array:
+        """q2' at the nodes, 0 without a wheel."""
+        wheel = self.course.wheel
+        return np.zeros(len(self)) if wheel is None else self.at(wheel.at)
 
-def running_powers(course: Course, instants: Array) -> Array:
-    """Integrals up to rising `instants` of the power, |v|, v², |v| v², |v| v and those of `MOTOR`, (9, instants)."""
-    return running_integrals(course.nodes, _powers(course), instants)
+    def blocks(self, values: Array) -> Array:
+        """Values (…, blocks · nodes) as (…, blocks, nodes)."""
+        return values.reshape(*values.shape[:-1], *self.instants.shape)
 
+    def within(self, values: Array) -> Array:
+        """Differences of values (…, blocks · nodes) from the mean of each block."""
+        own = self.blocks(values)
+        result: Array = own - (own.sum(axis=-1) / own.shape[-1])[..., None]
+        return result.reshape(values.shape)
 
-def _powers(course: Course) -> Iterator[Array]:
-    """The power, |v|, v², |v| v², |v| v and the terms of `MOTOR` at the nodes, one by one, for each takes memory."""
-    v, size = course.speed, np.abs(course.speed)
-    square = v * v
-    yield from (course.power, size, square, size * square, size * v)
-    if course.wheel is None:
-        yield from [np.zeros_like(v)] * len(MOTOR)
-        return
-    rate, acting = course.wheel_speed, course.active * course.turn
-    yield acting * course.voltage
-    yield acting * rate
-    yield rate * course.turn
-    yield np.sign(rate) * course.turn
-
-
-def further_works(course: Course, instants: Array, angle: Array, terms: tuple[RigTerm, ...]) -> dict[str, Array]:
-    """∫f q1' dt of further terms at rising `instants`, where the axis is at `angle`: potential energies, or losses."""
-    found = {}
-    for term in terms:
-        if term.term.is_conservative:
-            found[term.name] = term.term.of_angle_integral(angle, *term.at)
-            # ∂g/∂shift is −1 of a displacement, and of a wave dg/dq over its order
-            wave = term.term.kind == WAVE
-            found[shifted(term.name)] = term.term.of_angle(angle, *term.at) / term.order if wave else -angle
-            continue
-        along = course.axis.angle_at(course.nodes.instants.ravel()).reshape(course.speed.shape)
-        power = term.regressor(along, course.speed, np.sign(course.speed)) * course.speed
-        (work,) = running_integrals(course.nodes, power[None], instants.ravel())
-        found[term.name] = work.reshape(instants.shape)
-    return found
+    def inner(self, cut: int) -> PassRows:
+        """The rows without the `cut` outermost nodes on both sides of each block."""
+        instants = self.instants[:, cut:-cut]
+        columns = {name: self.blocks(column)[:, cut:-cut].ravel() for name, column in self.columns.items()}
+        windows = Windows(instants.ravel(), np.zeros(instants.size))
+        return replace(self, windows=windows, columns=columns, kept={}, instants=instants)
 
 
-def states_at(course: Course, instants: Array, *, linear: bool, further: tuple[RigTerm, ...] = ()) -> States:
-    """States at `instants` (blocks, nodes), rising when flattened and inside the log."""
-    flat, shape = instants.ravel(), instants.shape
-    axis = course.axis
-    terms = running_powers(course, flat).reshape(-1, *shape)
-    angle = axis.angle_at(flat).reshape(shape)
-    wheel = course.wheel
-    still = np.zeros(shape)
-    return States(
-        instants=instants,
-        angle=angle,
-        height=still if linear else np.cos(angle),
-        speed=axis.at(flat).reshape(shape),
-        acceleration=axis.acceleration(flat).reshape(shape),
-        wheel_speed=still if wheel is None else wheel.at(flat).reshape(shape),
-        wheel_acceleration=still if wheel is None else wheel.acceleration(flat).reshape(shape),
-        work=terms[0],
-        friction=dict(zip(TERMS, (*terms[1:4], angle, terms[4]), strict=True)),
-        motor=dict(zip(MOTOR, terms[5:], strict=True)),
-        further=further_works(course, instants, angle, further),
-    )
+def _further_works(rows: PassRows, own: RigTerm) -> dict[str, Array]:
+    """∫f q1' dt of a further term: a potential energy, with its derivative by the shift, or a loss."""
+    term, course = own.term, rows.course
+    if not term.is_conservative:
+        along = course.axis.angle_at(course.nodes.flat[0]).reshape(course.speed.shape)
+        power = own.regressor(along, course.speed, np.sign(course.speed)) * course.speed
+        return {own.name: rows.at(lambda times: running_integrals(course.nodes, [power], times))[0]}
+    # ∂g/∂shift is −1 of a displacement, and of a wave dg/dq over its order
+    by_shift = term.of_angle(rows.angle, *own.at) / own.order if term.kind == WAVE else -rows.angle
+    return {own.name: term.of_angle_integral(rows.angle, *own.at), shifted(own.name): by_shift}

@@ -16,6 +16,7 @@ from swingid.errors import UsageError
 from swingid.numerics.arrays import Array, median
 from swingid.numerics.quadrature import GaussNodes, held_between
 from swingid.preparation.speed import Speed
+from swingid.recording.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,13 @@ def observed_speed(time: Array, angle: Array, noise: float) -> Speed:
     observer, step = VelocityObserver(), median(np.diff(time))
     speed = observer.both_ways(time, angle)
     return Speed(time, angle, speed, max(step, 1 / observer.sigma), noise * observer.noise_gain(step))
+
+
+def drive_at(nodes: GaussNodes, log: Recording, values: Array, chain: Chain) -> Array:
+    """The logged voltage or torque of a log at the nodes (n−1, points), through the filter of a chain."""
+    if chain.filter_time > 0:
+        return filtered_drive(nodes, values, chain.filter_time, held=log.drive_held)
+    return between_rows(nodes, values, held=log.drive_held)
 
 
 def filtered_drive(nodes: GaussNodes, values: Array, filter_time: float, *, held: bool) -> Array:

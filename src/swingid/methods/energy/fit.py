@@ -12,117 +12,77 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.methods.energy.balance import Course, States
+from swingid.balance.fits import BASIS, NamedFit, columns_of, known_side
+from swingid.methods.energy.balance import PassRows
 from swingid.model.equation import Equation
-from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.regression import block_covariance
+from swingid.numerics.regression import LinearFit, block_covariance, fit_linear
 
-BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
-"""Odd friction c0 sgn v + c1 v + c2 v|v|, and even friction (what depends on the direction) 1 and |v|."""
+SMALLEST = 1e-6
+"""Least singular value of the scaled columns, as a share of the largest, of a direction that is identifiable."""
 
 
 @dataclass(frozen=True)
-class NodeFit:
+class PassFit(NamedFit):
     """A fit of the balance on nodes, or a fixed rule on them as (6) and (7): linear in the known side either way.
 
-    unknowns names the values ("inertia" first: a11 of the whole axis). influence (p, blocks · nodes): values =
-    influence @ known side. covariance is of type A, None where it cannot be evaluated.
-    residuals (blocks, nodes), J.
+    The covariance is NaN where it cannot be evaluated; residuals (blocks · nodes,) in J.
     """
 
-    unknowns: tuple[str, ...]
-    values: Array
-    influence: Array
-    covariance: Array | None
-    residuals: Array
-
-    def value(self, name: str) -> float:
-        """Value of an unknown, 0 where it was not sought."""
-        return float(self.values[self.unknowns.index(name)]) if name in self.unknowns else 0.0
-
-    def u(self, name: str = "inertia") -> float:
-        """Type A standard uncertainty of an unknown, NaN where it cannot be evaluated."""
-        k = self.unknowns.index(name)
-        return float("nan") if self.covariance is None else float(np.sqrt(self.covariance[k, k]))
+    rows: PassRows
+    equation: Equation
 
     @property
-    def a11(self) -> float:
-        """Inertia of the whole axis, a11 = J1 + J2 + Jr."""
-        return float(self.values[0])
+    def coefficients(self) -> dict[str, float]:
+        """Coefficients of the equation by name, stated and fitted."""
+        return self.equation.stated | self.values
+
+    @property
+    def inertia(self) -> float:
+        """Inertia J1 of the body."""
+        return self.a11 - self.equation.carried
+
+    @property
+    def has_scatter(self) -> bool:
+        """Whether the covariance could be evaluated."""
+        return bool(np.isfinite(self.covariance[0, 0]))
 
 
-def columns_at(states: States, equation: Equation, terms: tuple[str, ...]) -> dict[str, Array]:
-    """Columns of the unknowns at the nodes, each (blocks, nodes)."""
-    named = {"inertia": 0.5 * states.speed**2}
-    if equation.seeks("gravity_torque"):
-        named["gravity_torque"] = -states.height
-    named |= {name: column for name, column in states.further.items() if equation.seeks(name)}
-    return named | {name: states.friction[name] for name in terms}
-
-
-def within_blocks(values: Array) -> Array:
-    """Differences of values (..., blocks, nodes) from each block's mean, blocks and nodes in one row."""
-    nodes = values.shape[-1]
-    result: Array = values - (values.sum(axis=-1) / nodes)[..., None]
-    return result.reshape(*values.shape[:-2], -1)
-
-
-def fit_nodes(
-    states: States, rig: Rig, equation: Equation, terms: tuple[str, ...] = BASIS, *, instruments: bool = False
-) -> NodeFit:
-    """Fit over all nodes with these terms of friction, see `fit_columns`."""
-    return fit_columns(columns_at(states, equation, terms), states.known(rig, equation), instruments=instruments)
-
-
-def fit_columns(columns: dict[str, Array], known: Array, *, instruments: bool = False) -> NodeFit:
-    """Least squares over all nodes; columns and known side (blocks, nodes).
+def fit_passes(
+    rows: PassRows, equation: Equation, terms: tuple[str, ...] = BASIS, *, instruments: bool = False
+) -> PassFit:
+    """Least squares over all nodes, with these terms of friction.
 
     instruments: the squared speed of the next turning point, at the same depths, is the instrument of that of each.
     Noise of the speeds lowers the inertia of least squares by its share of the power of the squared speed; it is
     independent from swing to swing, so not that of instrumental variables (Söderström and Stoica 1983). The covariance
     is from the scatter of blocks, of which neighbours may be correlated.
     """
-    matrix = within_blocks(np.array(list(columns.values()))).T
-    target = within_blocks(known)
-    if instruments:
-        next_one = np.append(np.arange(1, len(known)), len(known) - 2)
-        others = matrix.copy()
-        others[:, 0] = matrix[:, 0].reshape(known.shape)[next_one].ravel()
-        influence = np.linalg.pinv(others.T @ matrix, rcond=1e-12) @ others.T
-    else:
-        influence = influence_of(matrix)
+    unknowns, columns = columns_of(rows, equation, terms)
+    matrix, target = rows.within(columns.T).T, rows.within(known_side(rows, equation))
+    fit = _with_instruments(rows, matrix, target) if instruments else fit_linear(matrix, target, smallest=SMALLEST)
+    scores = rows.blocks(fit.influence * fit.residuals).sum(axis=2)
+    return PassFit(unknowns, fit, block_covariance(scores, len(unknowns)), rows, equation)
+
+
+def _with_instruments(rows: PassRows, matrix: Array, target: Array) -> LinearFit:
+    blocks = len(rows.instants)
+    others = matrix.copy()
+    others[:, 0] = rows.blocks(matrix[:, 0])[np.append(np.arange(1, blocks), blocks - 2)].ravel()
+    influence = np.linalg.pinv(others.T @ matrix, rcond=SMALLEST**2) @ others.T
     values = influence @ target
-    residuals = target - matrix @ values
-    scores = (influence * residuals).reshape(len(columns), len(known), -1).sum(axis=2)
-    covariance = block_covariance(scores, len(columns))
-    return NodeFit(tuple(columns), values, influence, covariance, residuals.reshape(known.shape))
+    return LinearFit(values, target - matrix @ values, influence, float("nan"))
 
 
-def influence_of(matrix: Array) -> Array:
-    """Pseudo-inverse from the normal equations of the scaled columns: a third of the time of an SVD of all rows.
-
-    Directions of less than 1e-6 of the largest singular value are dropped (the square is what is left of 16 digits).
-    """
-    scale = np.linalg.norm(matrix, axis=0)
-    scale[scale == 0] = 1.0
-    scaled = matrix / scale
-    powers, directions = np.linalg.eigh(scaled.T @ scaled)
-    inverse = np.where(powers > 1e-12 * powers[-1], 1 / np.maximum(powers, 1e-300), 0.0)
-    result: Array = ((directions * inverse) @ directions.T @ scaled.T) / scale[:, None]
-    return result
-
-
-def sensor_variance(fit: NodeFit, states: States, course: Course, rig: Rig) -> float:
+def sensor_variance(fit: PassFit) -> float:
     """Variance of a11 from white noise of the angles, through the smoothed speeds and the turn of the wheel."""
-    weights = fit.influence[0].reshape(states.instants.shape)
-    axis, wheel, v1, v2 = course.axis, course.wheel, states.speed, states.wheel_speed
+    rows, of = fit.rows, fit.coefficients
+    axis, wheel, v1, v2 = rows.course.axis, rows.course.wheel, rows.speed, rows.wheel_speed
+    a11, a12, a22 = of["inertia"], of.get("wheel", 0.0), of.get("wheel_inertia", 0.0)
+    found = _power(rows, fit.fit.influence[0] * (a11 * v1 + a12 * v2), axis.half_width) * axis.noise**2
     if wheel is None:
-        return _power(states.instants, weights * fit.a11 * v1, axis.half_width) * axis.noise**2
-    a12, a22 = rig.drive.a12, rig.drive.a22
-    of_axis = _power(states.instants, weights * (fit.a11 * v1 + a12 * v2), axis.half_width)
-    of_wheel = _power(states.instants, weights * (a12 * v1 + a22 * v2), wheel.half_width)
-    return of_axis * axis.noise**2 + of_wheel * wheel.noise**2
+        return found
+    return found + _power(rows, fit.fit.influence[0] * (a12 * v1 + a22 * v2), wheel.half_width) * wheel.noise**2
 
 
 def slope_overlap(distance: Array) -> Array:
@@ -132,8 +92,9 @@ def slope_overlap(distance: Array) -> Array:
     return np.where(d < 2.0, near, 0.0)
 
 
-def _power(instants: Array, weights: Array, half_width: float) -> float:
-    """Variance of Σ weights · slope within blocks (rows), for slopes of unit variance; instants rise in a row."""
+def _power(rows: PassRows, weights: Array, half_width: float) -> float:
+    """Variance of Σ weights · slope within blocks, for slopes of unit variance; instants rise in a block."""
+    instants, weights = rows.instants, rows.blocks(weights)
     total = float(np.sum(weights**2))
     for lag in range(1, instants.shape[1]):
         distance = (instants[:, lag:] - instants[:, :-lag]) / half_width

@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.choice import FLAT
+from swingid.balance.energies import of_energy
+from swingid.balance.fits import BASIS
 from swingid.checks.consistency import (
     CLOSE,
     DISAGREES,
@@ -26,9 +28,9 @@ from swingid.checks.consistency import (
 from swingid.checks.rig_file import CONFLICT, RigFileCheck
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_details, with_chain
-from swingid.methods.energy.balance import Course, states_at
+from swingid.methods.energy.balance import Course, PassRows
 from swingid.methods.energy.chain import Chain
-from swingid.methods.energy.fit import BASIS, fit_nodes, sensor_variance
+from swingid.methods.energy.fit import PassFit, fit_passes, sensor_variance
 from swingid.methods.energy.jitter import find_jitter
 from swingid.methods.energy.passes import Passes, mirrored_passes
 from swingid.methods.energy.printed import (
@@ -38,13 +40,11 @@ from swingid.methods.energy.printed import (
     given_nodes,
     node_tuples,
     printed_fit,
-    states_of_pairs,
-    trapezoid_work,
     unequal_speeds,
+    with_trapezoid_work,
 )
 from swingid.methods.energy.symmetry import Symmetry, asymmetry_bound, friction_profile
 from swingid.model.equation import Equation
-from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.scale import require_motor
@@ -79,52 +79,50 @@ def energy(
     UnanswerableError where the motor's constants are missing or the motion does not determine the inertia.
     """
     how = _How(variant, nodes, work, Chain.of(velocities, filter_time))
-    log, rig, equation = prepared.log, prepared.rig, prepared.equation
+    log, rig, equation = prepared.log, prepared.rig, of_energy(prepared.rig, prepared.equation)
     require_motor(log, rig, equation, "energy")
     jitter = find_jitter(log, prepared.noise)
     part = prepared.part(whole=nodes is not None, few=nodes is not None, at_stamps=True, noise=jitter.noise)
     as_read = log.segment(part.start, part.stop)
-    consistency = consistency_check(as_read, rig, part.motion, equation, part.noise, prepared.encoders)
-    plain = estimate = _estimate(part, rig, equation, how, jittery=jitter.spread > 0)
+    consistency = consistency_check(as_read, rig, part.motion, prepared.equation, part.noise, prepared.encoders)
+    plain = estimate = _estimate(part, equation, how, jittery=jitter.spread > 0)
     more: list[Message] = []
     if how.chain.observers:  # whose noise is like asymmetry
-        plain = _estimate(part, rig, equation, replace(how, chain=Chain()), jittery=jitter.spread > 0)
-        estimate, more = with_chain(estimate, plain, how.chain, equation)
-    estimate = _with_disagreement(estimate, consistency, equation)
-    rig_file = RigFileCheck.of(prepared)
-    if rig_file is not None:
-        estimate = replace(estimate, common=estimate.common | {("inertia", CONFLICT): rig_file.conflict})
-    symmetry = _symmetry(plain, part, rig, equation)
-    if symmetry is not None:
-        estimate = replace(estimate, common=estimate.common | symmetry.entry())
-    answer = energy_answer(estimate, rig, equation)
-    parameters = answer.parameters
+        plain = _estimate(part, equation, replace(how, chain=Chain()), jittery=jitter.spread > 0)
+        estimate, more = with_chain(estimate, plain, how.chain)
+    rig_file, symmetry = RigFileCheck.of(prepared), _symmetry(plain, part, equation)
+    common = _disagreement(estimate.fit, consistency)
+    common |= {} if rig_file is None else {("inertia", CONFLICT): rig_file.conflict}
+    common |= {} if symmetry is None else symmetry.entry()
+    answer = energy_answer(estimate.beside(common), rig)
+    inertia = answer.parameters["inertia"]
     # without a motor the difference to the momentum balance is in the budget
-    unknown = parameters["inertia"].standard_uncertainty is None
+    unknown = inertia.standard_uncertainty is None
     compared = None if unknown else without_momentum(answer.budget)
     warnings, notes = check_energy(answer, consistency, rig, equation, part.motion, compared, rig_file)
     if jitter.spread > 0 and not how.chain.observers:
-        other = _estimate(part, rig, equation, how, jittery=False)
-        jittery, jitter_notes = jitter.words(parameters["inertia"], other.fit.a11 - equation.carried)
+        other = _estimate(part, equation, how, jittery=False)
+        jittery, jitter_notes = jitter.words(inertia, other.fit.inertia)
         more += jittery
         notes += jitter_notes
     if variant == "better":
-        saturated, saturated_notes = check_saturation(part.log, rig, parameters["inertia"])
+        saturated, saturated_notes = check_saturation(part.log, rig, inertia)
         more += saturated
         notes += saturated_notes
     if rig_file is not None:
-        notes += rig_file.notes(parameters["inertia"])
+        notes += rig_file.notes(inertia)
         answer = rig_file.widened(answer)
     warnings, notes = [*more, *warnings], [part.note, *estimate.notes, *notes]
-    if parameters["inertia"].standard_uncertainty is None:
+    if unknown:
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; leave nodes out."
         notes.append(Message("no-uncertainty-inertia", text))
-    extra = {} if symmetry is None else {"symmetry_bound": symmetry.bound}
+    extra = {}
     if symmetry is not None:
-        notes.append(symmetry.note(parameters["inertia"].value))
+        extra["symmetry_bound"] = symmetry.bound
+        notes.append(symmetry.note(inertia.value))
     if consistency.balance is not None:
         extra["motor_balance_residual"] = consistency.balance.as_stated
-    details = replace(energy_details(estimate, rig, equation, part), extra=extra)
+    details = replace(energy_details(estimate, part), extra=extra)
     return prepared.result("energy", answer, part, warnings, notes, details, how.options())
 
 
@@ -159,35 +157,33 @@ class _How:
         return options
 
 
-def _estimate(part: Part, rig: Rig, equation: Equation, how: _How, *, jittery: bool) -> EnergyEstimate:
-    course = Course.of(part.log, rig, part.motion, part.noise, part.encoders, how.chain, measured=not jittery)
+def _estimate(part: Part, equation: Equation, how: _How, *, jittery: bool) -> EnergyEstimate:
+    course = Course.of(part.log, part.rig, part.motion, part.noise, part.encoders, how.chain, measured=not jittery)
     if how.variant == "printed":
-        return _printed(part, rig, equation, course, how.nodes, how.work)
+        return _printed(part, equation, course, how.nodes, how.work)
     passes = _passes(part, LEVELS)
-    states = states_at(course, passes.instants, linear=equation.linear, further=equation.further)
-    fit = fit_nodes(states, rig, equation, BASIS)
+    rows = PassRows.of(course, passes.instants, equation)
+    fit = fit_passes(rows, equation)
     instruments = False
     if equation.drive != "reaction-wheel":  # whose wheel has a kinetic energy, too, with errors of its own
-        other = fit_nodes(states, rig, equation, BASIS, instruments=True)
+        other = fit_passes(rows, equation, instruments=True)
         # both are consistent but for attenuation, which lowers least squares (Hausman 1978)
-        apart, spread = other.a11 - fit.a11, abs(other.u() ** 2 - fit.u() ** 2) ** 0.5
-        better = FLAT * other.u() * abs(fit.a11) < fit.u() * abs(other.a11)
+        apart, spread = other.a11 - fit.a11, abs(other.u**2 - fit.u**2) ** 0.5
+        better = FLAT * other.u * abs(fit.a11) < fit.u * abs(other.a11)
         instruments = apart > CLOSE * abs(fit.a11) and (better or apart > INDICATED * spread)
         fit = other if instruments else fit
     # nodes within two thirds of each half swing, counted in time from the turning point
-    cut = len(LEVELS) // 3
-    inner = states.each(lambda values: values[:, cut:-cut])
+    inner = rows.inner(len(LEVELS) // 3)
     linear = tuple(term for term in BASIS if term != "quadratic")
     others = {
-        "without the quadratic term": fit_nodes(states, rig, equation, linear, instruments=instruments),
-        "nodes near the turning points": fit_nodes(inner, rig, equation, BASIS, instruments=instruments),
+        "without the quadratic term": fit_passes(rows, equation, linear, instruments=instruments),
+        "nodes near the turning points": fit_passes(inner, equation, instruments=instruments),
     }
-    sensor = sensor_variance(fit, states, course, rig)
     notes: tuple[Message, ...] = ()
     if instruments:
         text = "noise attenuates the estimate by least squares; squared speeds of the next swing are its instruments."
         notes = (Message("instruments", text),)
-    return EnergyEstimate("better", fit, course, states, passes.turning, passes.sides, others, {}, sensor, None, notes)
+    return EnergyEstimate("better", fit, passes.turning, passes.sides, others, {}, sensor_variance(fit), None, notes)
 
 
 def _passes(part: Part, depths: Array) -> Passes:
@@ -201,34 +197,33 @@ def _passes(part: Part, depths: Array) -> Passes:
     return passes
 
 
-def _symmetry(estimate: EnergyEstimate, part: Part, rig: Rig, equation: Equation) -> Symmetry | None:
+def _symmetry(estimate: EnergyEstimate, part: Part, equation: Equation) -> Symmetry | None:
     """Bound of the effect of the asymmetry of the passes; None with too few swings for the friction."""
-    course, states = estimate.course, estimate.states
-    if estimate.variant != "better":  # whose states are at the same places
+    fit, rows = estimate.fit, estimate.fit.rows
+    if estimate.variant != "better":  # whose nodes are at the same places
         mirrored = mirrored_passes(part.motion, LEVELS, part.log.time, part.longest_gap)
         if len(mirrored.turning) < FEWEST_BLOCKS:
             return None
-        states = states_at(course, mirrored.instants, linear=equation.linear, further=equation.further)
-    return asymmetry_bound(estimate.fit, estimate.states, course, friction_profile(course, states, rig, equation))
+        rows = PassRows.of(rows.course, mirrored.instants, equation)
+    return asymmetry_bound(fit, friction_profile(rows, equation))
 
 
-def _with_disagreement(estimate: EnergyEstimate, consistency: Consistency, equation: Equation) -> EnergyEstimate:
+def _disagreement(fit: PassFit, consistency: Consistency) -> dict[tuple[str, str], float]:
     """Without a motor energy and momentum depend on the same constants, so their difference is an uncertainty."""
-    if equation.drive == "reaction-wheel" or consistency.windows is None or estimate.fit.covariance is None:
-        return estimate
-    value, fit, windows = estimate.fit.a11 - equation.carried, estimate.fit, consistency.windows
+    windows = consistency.windows
+    if fit.equation.drive == "reaction-wheel" or windows is None or not fit.has_scatter:
+        return {}
     # relative standard uncertainty of the balance of a few swings
-    variance = fit.u() ** 2 + windows.u**2 + (CLOSE / INDICATED * value) ** 2
-    dark = dark_uncertainty(fit.a11 - windows.a11, variance, fit.u())
-    return replace(estimate, common=estimate.common | {("inertia", DISAGREES): dark})
+    variance = fit.u**2 + windows.u**2 + (CLOSE / INDICATED * fit.inertia) ** 2
+    return {("inertia", DISAGREES): dark_uncertainty(fit.a11 - windows.a11, variance, fit.u)}
 
 
 def _printed(
-    part: Part, rig: Rig, equation: Equation, course: Course, nodes: Sequence[Nodes] | Nodes | None, work: str
+    part: Part, equation: Equation, course: Course, nodes: Sequence[Nodes] | Nodes | None, work: str
 ) -> EnergyEstimate:
     if equation.seeks("gravity_torque"):
         raise UnanswerableError(
-            f"rig {rig.name}: axis.gravity_torque is unknown, but (6) needs it; give it, or use variant better.",
+            f"rig {part.rig.name}: axis.gravity_torque is unknown, but (6) needs it; give it, or use variant better.",
             code="no-gravity-torque",
         )
     if nodes is None:
@@ -238,13 +233,12 @@ def _printed(
         instants = given_nodes(nodes, part.log)
         turning = (instants[:, 1] + instants[:, 2]) / 2
         sides = np.sign(course.axis.at(instants[:, 0]) - course.axis.at(instants[:, 3]))
-    states = states_of_pairs(course, instants, linear=equation.linear, further=equation.further)
+    rows = PassRows.of(course, instants, equation)
     notes: tuple[Message, ...] = ()
     if work == "trapezoid":
-        states = replace(states, work=trapezoid_work(part.log, rig, course, instants))
+        rows, equation = with_trapezoid_work(rows, part.log, equation)
         text = "the work is a trapezoid on samples, with errors of per cents under a held voltage; use held work."
         notes = (Message("trapezoid-work", text),)
-    fit, each = printed_fit(states, rig, equation, course.axis)
-    sensor = sensor_variance(fit, states, course, rig)
-    common = {("viscous", "unequal speeds of the two passes"): abs(unequal_speeds(fit, states))}
-    return EnergyEstimate("printed", fit, course, states, turning, sides, {}, common, sensor, each, notes)
+    fit, each = printed_fit(rows, equation)
+    common = {("viscous", "unequal speeds of the two passes"): abs(unequal_speeds(fit))}
+    return EnergyEstimate("printed", fit, turning, sides, {}, common, sensor_variance(fit), each, notes)

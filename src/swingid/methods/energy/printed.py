@@ -13,17 +13,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from swingid.balance.energies import GEAR
+from swingid.balance.fits import known_side
 from swingid.balance.motor import motor_drag, motor_torque
 from swingid.errors import UnanswerableError, UsageError
-from swingid.methods.energy.balance import Course, States, states_at
-from swingid.methods.energy.fit import NodeFit
+from swingid.methods.energy.balance import MOTOR, PassRows
+from swingid.methods.energy.fit import PassFit
 from swingid.methods.energy.passes import Passes
-from swingid.model.equation import Equation
-from swingid.model.rig import Rig
-from swingid.model.terms import RigTerm
+from swingid.model.equation import Coefficient, Equation
 from swingid.numerics.arrays import Array
-from swingid.numerics.regression import block_covariance
-from swingid.preparation.speed import Speed
+from swingid.numerics.regression import LinearFit, block_covariance
 from swingid.recording.recording import Recording
 
 Nodes = tuple[float, float, float, float]
@@ -56,75 +55,62 @@ def given_nodes(nodes: object, log: Recording) -> Array:
     return rows[np.argsort(rows[:, 0])]
 
 
-def states_of_pairs(course: Course, instants: Array, *, linear: bool, further: tuple[RigTerm, ...] = ()) -> States:
-    """States at (pairs, 4) instants; pairs may overlap, so that all instants need not rise from pair to pair."""
-    order = np.argsort(instants.ravel(), kind="stable")
-    back = np.argsort(order)
-    sorted_states = states_at(course, instants.ravel()[order][None, :], linear=linear, further=further)
-
-    def again(values: Array) -> Array:
-        result: Array = values.ravel()[back].reshape(instants.shape)
-        return result
-
-    return sorted_states.each(again)
-
-
-def trapezoid_work(log: Recording, rig: Rig, course: Course, instants: Array) -> Array:
-    """W by the trapezoid rule on samples of torque and speed, which averages a held voltage over its jump.
+def with_trapezoid_work(rows: PassRows, log: Recording, equation: Equation) -> tuple[PassRows, Equation]:
+    """Rows and equation with W by the trapezoid rule on samples, which averages a held voltage over its jump.
 
     Kept for comparison: it is some per cent off at 10 kHz and tens of per cent at 1 kHz.
     """
-    motor, wheel = rig.drive.motor, course.wheel
-    if wheel is not None and motor is not None and log.voltage is not None:
-        rate = wheel.at(log.time)
-        power = motor.gear_ratio.value * (motor_torque(motor, log.voltage, rate) - motor_drag(motor, rate)) * rate
-    elif log.torque is not None:
-        power = log.torque * course.axis.at(log.time)
-    else:
-        power = np.zeros(len(log))
+    course, motor = rows.course, rows.course.motor
+    if motor is None:
+        power = np.zeros(len(log)) if log.torque is None else log.torque * course.axis.at(log.time)
+        return rows.beside({"torque": _trapezoid(rows, log, power)}), equation
+    assert log.voltage is not None
+    assert course.wheel is not None
+    rate, gear = course.wheel.at(log.time), motor.gear_ratio.value
+    power = gear * (motor_torque(motor, log.voltage, rate) - motor_drag(motor, rate)) * rate
+    held = -rows.sum_of({name: equation.value(name) for name in MOTOR})
+    more = {"trapezoid": _trapezoid(rows, log, power) - held}
+    return rows.beside(more), equation.but(trapezoid=Coefficient(-1.0, {GEAR: -1.0 / gear}))
+
+
+def _trapezoid(rows: PassRows, log: Recording, power: Array) -> Array:
+    """Integral of a power at the stamps up to the nodes."""
     steps = np.diff(log.time) * (power[1:] + power[:-1]) / 2
-    running = np.concatenate([[0.0], np.cumsum(steps)])
-    result: Array = np.interp(instants, log.time, running)
+    result: Array = np.interp(rows.windows.centres, log.time, np.concatenate([[0.0], np.cumsum(steps)]))
     return result
 
 
-def printed_fit(states: States, rig: Rig, equation: Equation, axis: Speed) -> tuple[NodeFit, Array]:
+def printed_fit(rows: PassRows, equation: Equation) -> tuple[PassFit, Array]:
     """(6) and (7) on every pair of passes, and their mean; also the inertia a11 of each pair.
 
     Raises UnanswerableError where the denominator of (6) vanishes, which it does from turning point to turning point.
     """
     difference, total = np.array([-1.0, 1.0, 1.0, -1.0]), np.array([-1.0, 1.0, -1.0, 1.0])
-    denominator = states.speed**2 @ difference
-    spans = np.searchsorted(axis.grid, states.instants[:, [0, 3]])
+    axis, speed, known = rows.course.axis, rows.blocks(rows.speed), rows.blocks(known_side(rows, equation))
+    denominator = speed**2 @ difference
+    spans = np.searchsorted(axis.grid, rows.instants[:, [0, 3]])
     largest = [np.max(axis.speed[first : last + 1] ** 2, initial=0.0) for first, last in spans]
-    singular = np.abs(denominator) < SINGULAR * 2 * np.maximum(largest, np.max(states.speed**2, axis=1))
+    singular = np.abs(denominator) < SINGULAR * 2 * np.maximum(largest, np.max(speed**2, axis=1))
     if singular.any():
-        at = ", ".join(f"{t:.6g}" for t in states.instants[int(np.argmax(singular))])
+        at = ", ".join(f"{t:.6g}" for t in rows.instants[int(np.argmax(singular))])
         raise UnanswerableError(
             f"(6) divides by nearly zero for the passes with nodes at {at} s, which have equal speeds at both ends; "
             "let one end of each pass be near a turning point and the other half-way.",
             code="singular-passes",
         )
     of_inertia = 2 * difference / denominator[:, None]
-    of_viscous = total / (states.friction["viscous"] @ total)[:, None]
-    known = states.known(rig, equation)
+    of_viscous = total / (rows.blocks(rows["viscous"]) @ total)[:, None]
     pairs = len(known)
     each = np.stack([(of_inertia * known).sum(axis=1), (of_viscous * known).sum(axis=1)])
-    values = each.mean(axis=1)
-    scores = (each - values[:, None]) / pairs
-    fit = NodeFit(
-        unknowns=("inertia", "viscous"),
-        values=values,
-        influence=np.stack([of_inertia.ravel(), of_viscous.ravel()]) / pairs,
-        covariance=block_covariance(scores, 1) if pairs > 1 else None,
-        residuals=known * 0.0,
-    )
-    return fit, each[0]
+    values, influence = each.mean(axis=1), np.stack([of_inertia.ravel(), of_viscous.ravel()]) / pairs
+    fit = LinearFit(values, np.zeros(known.size), influence, float("nan"))
+    covariance = block_covariance((each - values[:, None]) / pairs, 1) if pairs > 1 else np.full((2, 2), np.nan)
+    return PassFit(("inertia", "viscous"), fit, covariance, rows, equation), each[0]
 
 
-def unequal_speeds(fit: NodeFit, states: States) -> float:
+def unequal_speeds(fit: PassFit) -> float:
     """Error of f1 by the kinetic energy of the axis that (7) leaves out, with the inertia of (6)."""
-    return float(fit.influence[1] @ (0.5 * fit.a11 * states.speed**2).ravel())
+    return float(fit.fit.influence[1] @ (fit.a11 * fit.rows["inertia"]))
 
 
 def node_tuples(nodes: Sequence[Nodes] | Nodes) -> list[list[float]]:

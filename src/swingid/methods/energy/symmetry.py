@@ -16,15 +16,15 @@ Not for dynamic friction or stiction, which have no slope to bound.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from swingid.balance.friction_laws import TERMS
 from swingid.format import percent
-from swingid.methods.energy.balance import Course, States
-from swingid.methods.energy.fit import NodeFit, columns_at, fit_columns
+from swingid.methods.energy.balance import PassRows
+from swingid.methods.energy.fit import PassFit, fit_passes
 from swingid.model.equation import Equation
-from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import running_hats
 from swingid.result.result import Message
@@ -35,6 +35,9 @@ SOURCE = "asymmetry of the passes"
 SPEEDS = np.array([0.12, 0.25, 0.4, 0.6, 0.8, 1.0])
 """Knots of the friction profile, in shares of the highest speed; below the first no slope is identifiable."""
 
+ODD = ("coulomb", "viscous", "quadratic")
+"""Terms of friction that a fit has beside the inertia; (6) has none."""
+
 EVEN = ("offset", "viscous_even")
 """Terms that depend on the direction: they cancel between upper and lower turning points, not mirror images."""
 
@@ -43,16 +46,13 @@ EVEN = ("offset", "viscous_even")
 class Profile:
     """Friction of the log: torques at rising speeds (knots,), the coefficients of `EVEN`, and their covariance.
 
-    The covariance (knots + 2, knots + 2) is that of the torques, then of the coefficients. works: `_hat_works` at the
-    instants.
+    The covariance (knots + 2, knots + 2) is that of the torques, then of the coefficients.
     """
 
     speeds: Array
     torques: Array
     even: Array
     covariance: Array
-    instants: Array = field(default_factory=lambda: np.empty(0))
-    works: Array = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -83,58 +83,47 @@ class Symmetry:
         return Message("symmetry-bound", text)
 
 
-def friction_profile(course: Course, states: States, rig: Rig, equation: Equation) -> Profile:
+def friction_profile(rows: PassRows, equation: Equation) -> Profile:
     """Friction from the energies at mirrored nodes, linear from speed to speed; fitted together with the inertia."""
-    speeds = SPEEDS * np.max(np.abs(states.speed))
-    named = columns_at(states, equation, ())
-    works = _hat_works(course, states.instants, speeds)
-    hats = {f"hat {k}": work for k, work in enumerate(works)}
-    fit = fit_columns(named | hats | {name: states.friction[name] for name in EVEN}, states.known(rig, equation))
-    assert fit.covariance is not None
-    values, covariance = fit.values[len(named) :], fit.covariance[len(named) :, len(named) :]
-    return Profile(speeds, values[: len(speeds)], values[len(speeds) :], covariance, states.instants, works)
+    speeds = SPEEDS * np.max(np.abs(rows.speed))
+    hats = {f"hat {k}": work for k, work in enumerate(_hat_works(rows, speeds))}
+    fit = fit_passes(rows.beside(hats), equation, (*hats, *EVEN))
+    first = len(fit.unknowns) - len(speeds) - len(EVEN)
+    torques, even = np.split(fit.fit.values[first:], [len(speeds)])
+    return Profile(speeds, torques, even, fit.covariance[first:, first:])
 
 
-def asymmetry_bound(fit: NodeFit, states: States, course: Course, profile: Profile) -> Symmetry:
-    """Bound of the error of a fit at `states` by friction and the asymmetry of the passes."""
-    weights = fit.influence[0].reshape(states.instants.shape)
-    same = states.instants is profile.instants
-    works = profile.works if same else _hat_works(course, states.instants, profile.speeds)
-    hats = (works * weights).sum(axis=(1, 2))
+def asymmetry_bound(fit: PassFit, profile: Profile) -> Symmetry:
+    """Bound of the error of a fit by friction and the asymmetry of its passes."""
+    rows, weights = fit.rows, fit.fit.influence[0]
     # a rise from one speed to the next acts on all the hats above it
-    ramps = np.cumsum(hats[::-1])[::-1]
+    ramps = np.cumsum((_hat_works(rows, profile.speeds) @ weights)[::-1])[::-1]
     knots = len(profile.speeds)
     rises = np.eye(knots) - np.eye(knots, k=-1)
-    steps = rises @ (profile.torques - _fitted(fit, profile.speeds))
+    odd = sum(fit.value(name) * TERMS[name](profile.speeds) for name in ODD) if "coulomb" in fit.unknowns else 0.0
+    steps = rises @ (profile.torques - odd)
     spread = np.sqrt(np.diag(rises @ profile.covariance[:knots, :knots] @ rises.T))
     limits = np.abs(steps) + COVERAGE_FACTOR * spread
     bound = float(np.sum(limits * np.abs(ramps)))
     if "offset" not in fit.unknowns:
-        even = np.array([float((states.friction[name] * weights).sum()) for name in EVEN])
+        even = np.array([rows[name] @ weights for name in EVEN])
         spread = np.sqrt(np.diag(profile.covariance)[knots:])
         bound += float(np.sum((np.abs(profile.even) + COVERAGE_FACTOR * spread) * np.abs(even)))
-    return Symmetry(bound, profile.speeds, ramps, limits, _mirror_error(states))
+    return Symmetry(bound, profile.speeds, ramps, limits, _mirror_error(rows))
 
 
-def _fitted(fit: NodeFit, speeds: Array) -> Array:
-    """Odd friction that a fit has beside the inertia, at `speeds`; 0 for (6), which has none."""
-    if "coulomb" not in fit.unknowns:
-        return np.zeros_like(speeds)
-    return fit.value("coulomb") + fit.value("viscous") * speeds + fit.value("quadratic") * speeds**2
+def _hat_works(rows: PassRows, speeds: Array) -> Array:
+    """∫Λ_k(|q1'|) |q1'| dt up to each node, (knots, nodes); the outermost hats continue constant."""
+    size, nodes = np.abs(rows.course.speed), rows.course.nodes
+    key = "hats", str(speeds[-1])  # whose shares the others are
+    if key not in rows.kept:
+        rows.kept[key] = rows.at(lambda times: running_hats(nodes, size, size, speeds, times))
+    return rows.kept[key]
 
 
-def _hat_works(course: Course, instants: Array, speeds: Array) -> Array:
-    """∫Λ_k(|q1'|) |q1'| dt up to each instant, (knots, *instants); the outermost hats continue constant."""
-    size = np.abs(course.speed)
-    order = np.argsort(instants.ravel(), kind="stable")
-    found = np.empty((len(speeds), instants.size))
-    found[:, order] = running_hats(course.nodes, size, size, speeds, instants.ravel()[order])
-    return found.reshape(len(speeds), *instants.shape)
-
-
-def _mirror_error(states: States) -> float:
+def _mirror_error(rows: PassRows) -> float:
     """Difference of the speeds' sizes at mirrored nodes, as a share of the speed (both root mean square)."""
-    size = np.abs(states.speed)
+    size = np.abs(rows.blocks(rows.speed))
     nodes = size.shape[1] // 2
     before, after = size[:, :nodes], size[:, -nodes:][:, ::-1]
     return float(np.sqrt(np.mean((before - after) ** 2) / np.mean(size**2)))

@@ -10,13 +10,14 @@ from typing import TypeVar
 
 import numpy as np
 
+from swingid.balance.energies import of_energy
 from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.control.references.base import Reference
 from swingid.errors import InputError, UnanswerableError
 from swingid.identification import identify
-from swingid.methods.energy.balance import Course
+from swingid.methods.energy.balance import Course, PassRows
 from swingid.methods.energy.passes import mirrored_passes
 from swingid.methods.energy.printed import (
     DEPTHS,
@@ -24,8 +25,7 @@ from swingid.methods.energy.printed import (
     chosen_nodes,
     given_nodes,
     printed_fit,
-    states_of_pairs,
-    trapezoid_work,
+    with_trapezoid_work,
 )
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
@@ -205,19 +205,20 @@ def by_letter(log: Log, nodes: Sequence[Nodes] | Nodes, work: str = "held") -> t
     method "energy" gives each pass those of its own. They differ where the nodes' angles do. work: "held" or
     "trapezoid".
     """
-    recording, rig, equation = log.recording, log.rig, equation_of(log.rig)
+    recording, rig, equation = log.recording, log.rig, of_energy(log.rig, equation_of(log.rig))
     noise = channel_noise(recording, rig)
     motion = find_motion(recording.time, recording.angle, noise.angle)
     course = Course.of(recording, rig, motion, noise, Encoders.of(rig))
     instants = given_nodes(nodes, recording)
-    states = states_of_pairs(course, instants, linear=False)
+    rows = PassRows.of(course, instants, equation)
     if work == "trapezoid":
-        states = replace(states, work=trapezoid_work(recording, rig, course, instants))
+        rows, equation = with_trapezoid_work(rows, recording, equation)
+    height = rows.blocks(rows["gravity_torque"])[:, [0, 1, 1, 0]]
     try:
-        fit, _ = printed_fit(replace(states, height=states.height[:, [0, 1, 1, 0]]), rig, equation, course.axis)
+        fit, _ = printed_fit(rows.beside({"gravity_torque": height.ravel()}), equation)
     except UnanswerableError:
         return math.nan, math.nan
-    return float(fit.values[0]) - equation.carried, float(fit.values[1])
+    return fit.inertia, fit.value("viscous")
 
 
 def intervals(log: Log) -> list[Nodes]:

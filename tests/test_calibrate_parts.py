@@ -10,8 +10,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from motor_logs import BLANK, PAPER, TRUE, clamped, given, multisine
-from swingid.balance.wheel_equation import COUPLING, products_of
-from swingid.calibration.motor.wheel_motion import STATES, simulate_wheel
+from swingid.balance.wheel_equation import COUNT, COUPLING, products_of
+from swingid.calibration.motor.output_error import STATES as INITIAL
+from swingid.calibration.motor.output_error import Shots
 from swingid.cli.app import run
 from swingid.model.rig import Rig
 from swingid.model.rig.edit import edited
@@ -21,12 +22,18 @@ TRUE_PRODUCTS = products_of(PAPER)
 
 
 def wheel(values, voltage, q=0.0, v=0.0, kicks=None, step=1e-3):
-    """Angles and sensitivities of the simulated wheel."""
+    """Angles of the simulated wheel, and derivatives by products and initial values; kicks (n−1,): of q1' (rad/s)."""
     rows = len(voltage)
-    angles, slopes = np.empty(rows), np.empty((rows, STATES))
     kicks = np.zeros(rows - 1) if kicks is None else kicks
-    simulate_wheel(values, np.full(rows - 1, step), voltage[:-1], kicks, q, v, angles, slopes)
-    return angles, slopes
+    time, none = step * np.arange(rows), np.zeros(rows)
+    axis = np.append(0.0, np.cumsum(np.cumsum(kicks) * step))
+    start = np.array([[q, v]])
+    shots = Shots(np.array([0, rows]), np.array([0]), time, none, axis, none, voltage, start)
+    motion = shots.moved(values, start)
+    return motion.outputs, np.roll(shots.slopes(values, motion.steps), -INITIAL, axis=1)
+
+
+STATES = COUNT + INITIAL
 
 
 def test_the_simulated_wheel_is_the_twins():

@@ -26,9 +26,12 @@ from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.methods.output_error import method
-from swingid.methods.output_error import problem as problems
+from swingid.methods.output_error import motion as motions
+from swingid.methods.output_error.axis_motion import COURSES, SPEED, WHEEL, axis_begin, axis_step
 from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
+from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, ROWS, STATES, V1
+from swingid.model.parameters import A12, vector
 from swingid.numerics import gauss_newton
 from swingid.numerics.gauss_newton import fit_at, solve
 from swingid.numerics.shooting import SINGULAR, Fit, Reduced, Shooting, loss_of
@@ -139,17 +142,24 @@ def test_sensitivities_of_an_axis_that_sticks(stribeck_log):
 
 
 def test_the_axis_is_integrated_to_fourth_order():
-    log = free_log(lambda v: 1e-3 * v + 1e-4 * v**3, TIME[::10])
-    problem, unknowns = problem_and_unknowns(log, free_rig(), "none", "viscous + cubic")
-    values, entries = np.array([INERTIA, 1e-3, 1e-4]), unknowns.entries(2)
+    """Steps of the axis over 40 ms, through the cubics of a wheel that speeds up."""
+    stated = {"axis.inertia": INERTIA, "axis.gravity_torque": 0.08, "axis.friction.cubic": 1e-4}
+    p = np.append(vector(stated, "none"), np.zeros(4 * COURSES))
+    p[A12], p[WHEEL : WHEEL + 4], p[SPEED : SPEED + 4] = 5e-4, (0.0, 3.0, 20.0, 200.0), (3.0, 40.0, 600.0, 0.0)
 
-    def outputs(step):
-        return problem.predict(unknowns.vector(values), entries, problem.starts, 3, step).outputs
+    def end(steps):
+        work = np.zeros((ROWS, STATES))
+        work[NOW, Q1], work[NOW, V1] = 0.4, 5.0
+        mode = axis_begin(work, 0.0, p)
+        for _ in range(steps):
+            assert axis_step(work, 0.04 / steps, mode, 0.0, p) == 0.0
+            work[NOW], work[FIRST] = work[NEW], work[LAST]
+        return work[NOW]
 
-    finest = outputs(1e-4)
-    coarse, fine = (np.abs(outputs(step) - finest).max() for step in (20e-3, 10e-3))
+    finest = end(400)
+    coarse, fine = (np.abs(end(steps) - finest)[:2].max() for steps in (2, 4))
     assert 12 < coarse / fine < 20
-    assert np.abs(outputs(2e-3) - finest).max() < 1e-8
+    assert np.abs(end(20) - finest).max() < 1e-8
 
 
 @pytest.mark.parametrize("damping", [SINGULAR, 0.1])
@@ -196,7 +206,7 @@ def test_a_slow_log_does_not_count_as_one_whose_friction_changes_all_the_time(vi
     problem = problem_of(log, Encoders.of(GIVEN), channel_noise(viscous_log, GIVEN), "voltage", 9.0, 1.0)
     values = np.array([INERTIA, 1.144e-3, 0.0])[: len(unknowns)]
     assert problem.moved(unknowns, values, problem.starts).finite
-    monkeypatch.setattr(problems, "CHATTERS", 1)
+    monkeypatch.setattr(motions, "CHATTERS", 1)
     assert not problem.moved(unknowns, values, problem.starts).finite
 
 

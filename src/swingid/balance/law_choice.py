@@ -40,9 +40,6 @@ RIDGE, RESOLVED = 1e-13, 1e-15
 STEPS, CLOSE = 5, 1e-3
 """Most steps of the search for a Stribeck speed, and the relative step that ends it."""
 
-FINER = 4
-"""Grids of Stribeck speeds for a law that is given."""
-
 MOST_SIDES = 8
 """Torques of a law that must not be negative, at most, see `_sides`."""
 
@@ -68,8 +65,8 @@ class LawChoice:
 
     The friction columns are those of EXACT, then either hat functions of the speed on `knots`, with which the speed of
     Stribeck's peak is sought, or a peak for each of the speeds `peaks`. A law is rejected where a torque is negative by
-    more than `level` standard uncertainties, in either direction or, not sided, in one; but for the law `kept`. The
-    dependence on the direction is chosen among the laws without a peak whose speed is sought, which does not affect it.
+    more than `level` standard uncertainties, in either direction; but for the law `kept`. The dependence on the
+    direction is chosen among the laws without a peak whose speed is sought, which does not affect it.
 
     slowest: Stribeck speed below which a peak is not identifiable; by default none is sought. origin (columns,): for a
     model that is not linear, the values about which it is linearised; the known side is what they leave.
@@ -85,7 +82,6 @@ class LawChoice:
     peaks: Array = field(default_factory=lambda: np.empty(0))
     origin: Array | None = None
     level: float = 1.0
-    sided: bool = True
 
     @classmethod
     def of(cls, body: Array, friction: Array, target: Array, knots: Array, slowest: float = np.inf) -> LawChoice:
@@ -106,8 +102,7 @@ class LawChoice:
             direction = min(scores, key=lambda name: scores[name]).partition(",")[2] if found else None
             for name in (name for name in self.names if "stribeck" in law_terms(name)):
                 if direction in (None, name.partition(",")[2]):
-                    sought = self._on_finer_grids(name) if name == self.kept else self._likeliest_speed(name, found)
-                    speed = np.array([sought])
+                    speed = np.array([self._likeliest_speed(name, found)])
                     products = self._with(peak_weights(self.knots, speed), range(self.body + len(EXACT)))
                     found |= replace(self, gram=products, names=(name,), peaks=speed)._tried()
         return found
@@ -149,7 +144,7 @@ class LawChoice:
 
     def _tried(self) -> dict[str, Trial]:
         """The laws whose terms have columns, all at once; of several peaks that of the least residuals."""
-        laws, used, sides = _layout(self.names, self.body, len(self.peaks), self.sided)
+        laws, used, sides = _layout(self.names, self.body, len(self.peaks))
         at = [*range(used.shape[1]), len(self.gram) - 1]
         lost, values, inverse = _solved(self.gram[at][:, at], used, self.origin)
         lost = np.maximum(lost, ROUNDING * float(self.gram[-1, -1]))
@@ -188,17 +183,6 @@ class LawChoice:
             if small:
                 break
         return speed
-
-    def _on_finer_grids(self, name: str) -> float:
-        """The likeliest speed of a peak by grids, each between the neighbours of the best of the one before."""
-        speeds, best, least = self.knots[-1] * STRIBECK_SHARES, np.nan, np.inf
-        for _ in range(FINER):
-            lost, _ = self._with_peak(name, peak_weights(self.knots, speeds), np.eye(len(speeds)))
-            if np.min(lost) < least:
-                best, least = float(speeds[np.argmin(lost)]), float(np.min(lost))
-            ratio = speeds[-1] / speeds[-2]
-            speeds = best * np.geomspace(1 / ratio, ratio, len(speeds))
-        return best
 
     def _with_peak(self, name: str, weights: Array, used: Array) -> tuple[Array, Array]:
         """Squared residuals (fits,) of a law with columns of these weights (columns, …) in the place of its peak.
@@ -263,9 +247,7 @@ def _none_below(sides: Array, values: Array, inverse: Array, variance: Array, le
 
 
 @cache
-def _layout(
-    names: tuple[str, ...], body: int, peaks: int, sided: bool
-) -> tuple[list[tuple[str, int, Ints]], Bools, Array]:
+def _layout(names: tuple[str, ...], body: int, peaks: int) -> tuple[list[tuple[str, int, Ints]], Bools, Array]:
     """The laws with columns [body | EXACT | peaks]: name, which peak or −1, and places of the terms, for each.
 
     Also which columns each has (laws, columns), and `_sides` in these (laws, MOST_SIDES, columns).
@@ -277,23 +259,19 @@ def _layout(
     for k, (name, peak) in enumerate(laws):
         places = places_of(law_terms(name))
         places = body + np.where(places < 0, len(EXACT) + peak, places)
-        own = _sides(law_terms(name), sided)
+        own = _sides(law_terms(name))
         used[k, :body], used[k, places], sides[k, : len(own), places] = True, True, own.T
         found.append((name, peak, places))
     return found, used, sides
 
 
-def _sides(terms: tuple[str, ...], sided: bool) -> Array:
-    """Weights of the coefficients of a law in either direction; not sided: in that of falling angles alone."""
+def _sides(terms: tuple[str, ...]) -> Array:
+    """Weights of the coefficients of a law that give its torques in either direction."""
     unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
-    odd = [term for term in terms if term not in ("offset", "viscous_even")]
-    sides = [unit[term] for term in odd]
-    if not sided and "viscous_even" in unit:
-        even = {"coulomb": unit["offset"], "viscous": unit["viscous_even"]}
-        return np.array([unit[term] - even.get(term, 0.0) for term in odd])
-    if sided and "viscous_even" in unit:
+    sides = [own for term, own in unit.items() if term not in ("offset", "viscous_even")]
+    if "viscous_even" in unit:
         viscous, even = unit.get("viscous", np.zeros(len(terms))), unit["viscous_even"]
         sides += [viscous + even, viscous - even]
-    if sided and "offset" in unit and "coulomb" in unit:
+    if "offset" in unit and "coulomb" in unit:
         sides += [unit["coulomb"] + unit["offset"], unit["coulomb"] - unit["offset"]]
     return np.array(sides)

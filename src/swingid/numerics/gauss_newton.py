@@ -65,7 +65,7 @@ def solve_from(here: Fit, enough: float = CLOSE_ENOUGH, damping: float = FAR, kn
     """As `solve`, from a point where the problem is evaluated."""
     if not np.isfinite(here.cost):
         return here
-    shooting, refused, least = here.shooting, False, FAR if damping < FAR else 0.0
+    shooting, least = here.shooting, FAR if damping < FAR else 0.0
     for _ in range(MOST_STEPS if enough <= CLOSE_ENOUGH else MOST_ROUGH_STEPS):
         # damped further than at first, the step of the initial values is, too: the motion may have a bend right at the
         # begin of a segment, where a speed reverses
@@ -78,10 +78,8 @@ def solve_from(here: Fit, enough: float = CLOSE_ENOUGH, damping: float = FAR, kn
         states = here.states + reduced.states(trial - here.values)
         if known is not None and _leads_to(known, here, trial, promised):
             return replace(here, values=trial)
-        # refusals come in runs: after one the cost is looked at before the sensitivities are computed
-        there, cost = _tried(here, trial, states, look=refused or shooting.moves_first)
-        refused = not cost < here.cost
-        if not refused:
+        there, cost = _tried(here, trial, states)
+        if cost < here.cost:
             gained, here, damping = here.cost - cost, there, max(damping / 10, LEAST)
             if gained <= STALLED * cost:
                 return replace(here, converged=True)
@@ -111,16 +109,15 @@ def solve_near(here: Fit, enough: float, negligible: float) -> Fit:
     return solve_from(here, enough, CLOSE)
 
 
-def _tried(here: Fit, values: Array, states: Array, *, look: bool) -> tuple[Fit, float]:
+def _tried(here: Fit, values: Array, states: Array) -> tuple[Fit, float]:
     """The point at these values and states, and its cost; `here` where a look at the motion alone shows no less."""
-    shooting, motion = here.shooting, None
-    if look:
-        motion = shooting.simulate(values, states, None) if shooting.move is None else shooting.move(values, states)
-        residuals = shooting.residuals(motion)
-        finite = motion.finite and np.isfinite(residuals).all()
-        cost = shooting.cost(residuals, values)[0] if finite else np.inf
-        if not cost < here.cost:
-            return here, cost
+    shooting = here.shooting
+    motion = shooting.simulate(values, states, None) if shooting.move is None else shooting.move(values, states)
+    residuals = shooting.residuals(motion)
+    finite = motion.finite and np.isfinite(residuals).all()
+    cost = shooting.cost(residuals, values)[0] if finite else np.inf
+    if not cost < here.cost:
+        return here, cost
     there = fit_at(shooting, values, states, motion)
     return there, there.cost
 

@@ -51,7 +51,7 @@ class Shooting:
 
     measured, sigma (r,): readings and standard deviations of the sensor. rows (k + 1,): first reading of each segment.
     starts (k, s): first initial values. simulate: a prediction at values (m,) and states (k, s), perhaps of a motion
-    that is simulated already. move: the same without derivatives, where that is much cheaper than with them.
+    that is simulated already. move: the same without derivatives, where that is cheaper than with them.
     bounds: lowest and highest values (m,). power (m,): information of a prior of each unknown about 0. loss: one of
     `LOSSES`. nearest: the values allowed (m,) that are next to the first argument, in a step from the second.
     """
@@ -65,7 +65,6 @@ class Shooting:
     power: Array
     nearest: Callable[[Array, Array], Array]
     move: Callable[[Array, Array], Prediction] | None = None
-    moves_first: bool = False
     loss: str = "linear"
 
     @property

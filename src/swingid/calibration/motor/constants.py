@@ -11,7 +11,7 @@ from swingid.balance import wheel_equation as at
 from swingid.balance.perturbations import BENDS, SHAPES, Perturbation, Shape, encoder_error
 from swingid.calibration.motor.balance import BalanceFit, Separation
 from swingid.calibration.motor.channels import WheelLog
-from swingid.calibration.motor.output_error import OutputFit
+from swingid.calibration.motor.output_error import STATES, OutputFit
 from swingid.calibration.outcome import quantity, rewritten, rounded
 from swingid.errors import InputError
 from swingid.model.rig import Rig
@@ -148,8 +148,8 @@ def _stated(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[tuple
 
 def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
     """Change of all products when the held one at `place` changes by `change`."""
-    slopes = [shot.simulated(fit.values, x)[1][:, place] for shot, x in zip(fit.shots, fit.starts, strict=True)]
-    result = fit.shift([-change * slope for slope in slopes])
+    slopes = fit.shots.slopes(fit.values, fit.motion.steps)
+    result = fit.shift(-change * slopes[:, STATES + place])
     result[place] += change
     return result
 
@@ -157,7 +157,7 @@ def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
 def _sensors(fit: OutputFit, logs: list[WheelLog]) -> Iterator[tuple[Perturbation, Array]]:
     """Stated errors of the encoders, and the change of all products by one standard deviation of each."""
     still = all(log.kind == "clamped" for log in logs)
-    channels: dict[Channel, Callable[[OutputFit, Error, float], list[Array]]] = {"wheel": by_wheel, "angle": _by_axis}
+    channels: dict[Channel, Callable[[OutputFit, Error, float], Array]] = {"wheel": by_wheel, "angle": _by_axis}
     for channel, changes in channels.items():
         if still and channel == "angle":
             continue
@@ -167,18 +167,16 @@ def _sensors(fit: OutputFit, logs: list[WheelLog]) -> Iterator[tuple[Perturbatio
                 yield item, fit.shift(changes(fit, error, item.std))
 
 
-def by_wheel(fit: OutputFit, error: Error, size: float) -> list[Array]:
-    """`size` times an error of the wheel's angle as a change of the logged angle of every shot."""
-    return [size * error(shot.wheel, shot.time) for shot in fit.shots]
+def by_wheel(fit: OutputFit, error: Error, size: float) -> Array:
+    """`size` times an error of the wheel's angle as a change of the logged angles (n,)."""
+    return size * fit.shots.each(error, fit.shots.wheel)
 
 
-def _by_axis(fit: OutputFit, error: Error, size: float) -> list[Array]:
+def _by_axis(fit: OutputFit, error: Error, size: float) -> Array:
     """`size` times an error of the axis' angle as a change of the wheel's: minus its effect on the simulation."""
-    result = []
-    for shot, start in zip(fit.shots, fit.starts, strict=True):
-        other = shot.simulated(fit.values, start, shot.angle - size * error(shot.angle, shot.time))[0]
-        result.append(shot.simulated(fit.values, start)[0] - other)
-    return result
+    shots = fit.shots
+    other = shots.moved(fit.values, fit.fit.states, shots.angle - size * shots.each(error, shots.angle))
+    return fit.motion.outputs - other.outputs
 
 
 def calibrated_rig(

@@ -2,19 +2,37 @@
 
 The wheel's angle integrates, so one simulation over a long log would accumulate the errors of the model; shots of about
 a second, each with its own angle and speed at the start, do not (multiple shooting). Those are eliminated per shot.
+
+The axis rests in the simulation, and the measured axis enters as straight lines between its samples: each change of its
+speed kicks the wheel by −ρ times as much, so that q2 follows −ρ q1 exactly from sample to sample.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from swingid.balance.wheel_equation import COUNT, COUPLING, allowed
+from swingid.balance.wheel_equation import (
+    COULOMB,
+    COUNT,
+    COUPLING,
+    DAMPING,
+    EMF,
+    GAIN,
+    NEGATIVE,
+    POSITIVE,
+    allowed,
+)
 from swingid.calibration.motor.channels import GAP, WheelLog
-from swingid.calibration.motor.wheel_motion import STATES, simulate_wheel
+from swingid.methods.output_error.motion import READ_WHEEL, Steps, read_along, read_with_slopes, steps_of
+from swingid.methods.output_error.unknowns import entries_of
+from swingid.model import parameters as at
+from swingid.model.integrator import STEP_KERNEL
+from swingid.model.sticking import BEGIN_KERNEL
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.gauss_newton import LEAST, STALLED, solve
 from swingid.numerics.shooting import Fit, Prediction, Shooting, widened
@@ -31,36 +49,106 @@ FEWEST_SPARE = 2
 BLOCK = 0.1
 """Length of such blocks in s: longer than the correlation of a coarse encoder's rounding errors."""
 
+STATES = 2
+"""Initial values of a shot: angle and speed of the wheel."""
+
+PLACES = {
+    GAIN: ((at.C1, 1.0),),
+    DAMPING: ((at.F2, 1.0),),
+    EMF: ((at.C2, 1.0), (at.F2, -1.0)),
+    POSITIVE: ((at.D1, 1.0),),
+    NEGATIVE: ((at.D2, -1.0),),
+    COULOMB: ((at.F3, 1.0), (at.WHEEL_STATIC, 1.0), (at.D1, -1.0), (at.D2, 1.0)),
+    COUPLING: ((at.A12, 1.0),),
+}
+"""Places of the rig's vector that a product moves, of a wheel with a22 = 1 and without gear."""
+
+NO_ZONE = -1e-300
+"""Edges of a dead zone of no width, with which the sign of the torque gives the branch."""
+
+
+def wheel_vector(values: Array) -> Array:
+    """The rig's vector (SIZE,) of a wheel with these products (7,) on an axis that never moves."""
+    p = np.zeros(at.SIZE)
+    p[[at.A11, at.A22, at.GEAR, at.ETA, at.AXIS_STICKS]], p[[at.STATIC_P, at.STATIC_N]] = 1.0, np.inf
+    for product, places in PLACES.items():
+        for place, weight in places:
+            p[place] += weight * values[product]
+    p[at.D1], p[at.D2] = max(p[at.D1], 0.0), min(p[at.D2], 0.0)
+    if p[at.D1] == p[at.D2]:
+        p[[at.D1, at.D2]] = NO_ZONE
+    return p
+
 
 @dataclass(frozen=True)
-class Shot:
-    """A part of a log: wheel (n,) in rad; steps, voltage, kicks (n−1,) as in `simulate_wheel`; start (q, q').
+class Shots:
+    """The rows of logs in k shots. rows (k + 1,): first row of each; logs (k,): which log it is of.
 
-    angle (n,): the smoothed angle of the axis, from which the kicks come. rough (n,): what smoothing removed. It acted
-    on the wheel too, and too fast for its damping to matter: q2 + ρ q1 is the same with it or without.
+    time (n,) in s, voltage (n,) from each row on in V, wheel (n,) in rad. angle (n,): the smoothed angle of the axis,
+    from which the kicks come. rough (n,): what smoothing removed. It acted on the wheel too, and too fast for its
+    damping to matter: q2 + ρ q1 is the same with it or without. starts (k, 2): angle and speed of the wheel.
     """
 
-    log: int
+    rows: Ints
+    logs: Ints
+    time: Array
     wheel: Array
     angle: Array
     rough: Array
-    steps: Array
     voltage: Array
-    kicks: Array
-    start: Array
+    starts: Array
+
+    @classmethod
+    def of(cls, logs: Sequence[WheelLog]) -> Shots:
+        """Of logs, each shot begun where the wheel turns fast, so that it does not begin at rest."""
+        places, starts, parts = [], [], []
+        for place, log in enumerate(logs):
+            time = log.nodes.time
+            voltage = np.append(log.voltage_between(), 0.0)
+            speed = log.speed.at(np.clip(time, log.speed.grid[0], log.speed.grid[-1]))
+            for part in _parts(log):
+                for first, last in pairwise(_cuts(time[part], np.abs(speed[part])) + part[0]):
+                    if last - first >= FEWEST_ROWS:
+                        channels = np.stack([time, log.wheel, log.smooth, log.angle - log.smooth, voltage])
+                        parts.append(channels[:, first : last + 1])
+                        places.append(place)
+                        starts.append((log.wheel[first], speed[first]))
+        rows = np.concatenate([[0], np.cumsum([part.shape[1] for part in parts])])
+        time, wheel, angle, rough, voltage = np.hstack(parts)
+        return cls(rows, np.array(places), time, wheel, angle, rough, voltage, np.array(starts))
+
+    def __len__(self) -> int:
+        return len(self.logs)
 
     @property
-    def time(self) -> Array:
-        """Seconds (n,) from the begin of the shot."""
-        return np.append(0.0, np.cumsum(self.steps))
+    def sizes(self) -> Ints:
+        """Rows of each shot (k,)."""
+        return np.diff(self.rows)
 
-    def simulated(self, values: Array, start: Array, angle: Array | None = None) -> tuple[Array, Array]:
-        """Angles (n,) and their derivatives (n, 9) to products and start; `angle` (of the axis) instead of its own."""
-        angles, slopes = np.empty(len(self.wheel)), np.empty((len(self.wheel), STATES))
-        kicks = self.kicks if angle is None else kicks_of(angle, self.steps)
-        simulate_wheel(values, self.steps, self.voltage, kicks, start[0], start[1], angles, slopes)
-        slopes[:, COUPLING] -= self.rough
-        return angles - values[COUPLING] * self.rough, slopes
+    def each(self, error: Callable[[Array, Array], Array], angle: Array) -> Array:
+        """An error (n,) as a function of an angle (n,) and the time since the begin of the shot, shot by shot."""
+        cuts = [slice(*cut) for cut in pairwise(self.rows)]
+        return np.concatenate([error(angle[own], self.time[own] - self.time[own.start]) for own in cuts])
+
+    def moved(self, values: Array, starts: Array, angle: Array | None = None) -> Prediction:
+        """Angles (n,) of the wheel for products (7,); `angle` (of the axis) instead of its own."""
+        kicks = _kicks(self.angle if angle is None else angle, self.time, self.rows)
+        inputs = np.column_stack([self.voltage, kicks])
+        flags = np.full(len(self.time), READ_WHEEL)
+        states = np.hstack([np.zeros_like(starts), starts])
+        p = wheel_vector(values)
+        steps = steps_of(STEP_KERNEL, BEGIN_KERNEL, self.time, inputs, flags, self.rows, states, p)
+        outputs, rates = (self.wheel, self.wheel) if steps is None else read_along(*steps)
+        none = np.empty((len(outputs), 0))
+        return Prediction(outputs - values[COUPLING] * self.rough, none, steps is not None, rates, steps)
+
+    def slopes(self, values: Array, steps: Steps) -> Array:
+        """Derivatives (n, 9) along the steps of a motion, by the initial values and the products (7,)."""
+        entries = entries_of(list(PLACES.values()), STATES)
+        initial, columns = np.array([-1, -1, 0, 1]), STATES + COUNT
+        found = read_with_slopes(steps, initial, wheel_vector(values), entries, np.empty(0), columns)[2]
+        found[:, STATES + COUPLING] -= self.rough
+        return found
 
 
 @dataclass(frozen=True)
@@ -74,49 +162,30 @@ class OutputFit:
     values: Array
     covariance: Array
     free: Bools
-    shots: tuple[Shot, ...]
+    shots: Shots
     fit: Fit
     levels: Array
 
-    @property
-    def starts(self) -> Array:
-        """Angle and speed of the wheel at the begin of each shot (shots, 2)."""
-        return self.fit.states
+    @cached_property
+    def motion(self) -> Prediction:
+        """The motion of the fit."""
+        return self.shots.moved(self.values, self.fit.states)
 
-    def shift(self, changes: Sequence[Array]) -> Array:
-        """Change of the products (7,) when the logged angle of each shot changes by `changes` (rad)."""
+    def shift(self, changes: Array) -> Array:
+        """Change of the products (7,) when the logged angles change by `changes` (n,) (rad)."""
         result = np.zeros(COUNT)
-        result[self.free] = self.fit.effect(np.concatenate(changes))
+        result[self.free] = self.fit.effect(changes)
         return result
 
 
-def kicks_of(angle: Array, steps: Array) -> Array:
-    """Changes (n−1,) of the speed of an angle (n,) that runs straight from sample to sample; the first is 0."""
-    return np.append(0.0, np.diff(np.diff(angle) / steps))
-
-
-def _shots(place: int, log: WheelLog) -> Iterator[Shot]:
-    """Shots of a log, each begun where the wheel turns fast, so that it does not begin at rest."""
-    time = log.nodes.time
+def _kicks(angle: Array, time: Array, rows: Ints) -> Array:
+    """Change (n,) at each row of the speed of an angle (n,) that runs straight from row to row; 0 at a shot's ends."""
     steps = np.diff(time)
-    voltage = log.voltage_between()
-    speed = log.speed.at(np.clip(time, log.speed.grid[0], log.speed.grid[-1]))
-    for part in _parts(log):
-        edges = _cuts(time[part], np.abs(speed[part])) + part[0]
-        for first, last in pairwise(edges):
-            if last - first < FEWEST_ROWS:
-                continue
-            rows, between = slice(first, last + 1), slice(first, last)
-            yield Shot(
-                log=place,
-                wheel=log.wheel[rows],
-                angle=log.smooth[rows],
-                rough=log.angle[rows] - log.smooth[rows],
-                steps=steps[between],
-                voltage=voltage[between],
-                kicks=kicks_of(log.smooth[rows], steps[between]),
-                start=np.array([log.wheel[first], speed[first]]),
-            )
+    steps[rows[1:-1] - 1] = 1.0  # between shots
+    speed = np.diff(angle) / steps
+    kicks = np.concatenate([[0.0], np.diff(speed), [0.0]])
+    kicks[rows[:-1]] = kicks[rows[1:] - 1] = 0.0
+    return kicks
 
 
 def _parts(log: WheelLog) -> list[Ints]:
@@ -143,70 +212,73 @@ def fit_output(logs: Sequence[WheelLog], start: Array, free: Bools) -> OutputFit
 
     Every log has the weight of its residuals, once these are known.
     """
-    shots = [shot for place, log in enumerate(logs) for shot in _shots(place, log)]
-    states = np.array([shot.start for shot in shots])
+    shots = Shots.of(logs)
     levels = np.array([max(log.noise.wheel, 1e-12) for log in logs])
-    fit = solve(_shooting(shots, levels, states, start, free), start[free], states, STALLED, LEAST)
+    fit = solve(_shooting(shots, levels, start, free), start[free], shots.starts, STALLED, LEAST)
     stepped()
     levels = _levels(fit, shots, len(logs))
     if len(logs) > 1:
-        shooting = _shooting(shots, np.maximum(levels, 1e-12), states, start, free)
+        shooting = _shooting(shots, np.maximum(levels, 1e-12), start, free)
         fit = solve(shooting, fit.values, fit.states, STALLED, LEAST)
         stepped()
         levels = _levels(fit, shots, len(logs))
     values, covariance = start.copy(), np.zeros((COUNT, COUNT))
     values[free], covariance[np.ix_(free, free)] = fit.values, _covariance(fit, shots)
-    return OutputFit(values, covariance, free, tuple(shots), fit, levels)
+    return OutputFit(values, covariance, free, shots, fit, levels)
 
 
-def _shooting(shots: list[Shot], levels: Array, states: Array, start: Array, free: Bools) -> Shooting:
+def _shooting(shots: Shots, levels: Array, start: Array, free: Bools) -> Shooting:
     """Least squares of the shots with the free products; levels (logs,): standard deviation of the readings (rad)."""
+    columns = np.append(np.ones(STATES, dtype=bool), free)
 
     def whole(values: Array) -> Array:
         products = start.copy()
         products[free] = values
         return products
 
-    def simulate(values: Array, states: Array, same: Prediction | None) -> Prediction:
-        if same is not None:
-            return same
-        found = [shot.simulated(whole(values), state) for shot, state in zip(shots, states, strict=True)]
-        outputs, slopes = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        return Prediction(outputs, np.hstack([slopes[:, COUNT:], slopes[:, :COUNT][:, free]]))
+    def move(values: Array, states: Array) -> Prediction:
+        return shots.moved(whole(values), states)
 
-    sizes = [len(shot.wheel) for shot in shots]
+    def simulate(values: Array, states: Array, same: Prediction | None) -> Prediction:
+        motion = move(values, states) if same is None else same
+        if motion.steps is None:
+            return motion
+        return replace(motion, slopes=shots.slopes(whole(values), motion.steps)[:, columns])
+
     anything = np.full(np.count_nonzero(free), np.inf)
     return Shooting(
-        np.concatenate([shot.wheel for shot in shots]),
-        np.repeat(levels[[shot.log for shot in shots]], sizes),
-        np.concatenate([[0], np.cumsum(sizes)]),
-        states,
+        shots.wheel,
+        np.repeat(levels[shots.logs], shots.sizes),
+        shots.rows,
+        shots.starts,
         simulate,
         (-anything, anything),
         np.zeros(len(anything)),
         # what is physical of one product depends on the others
         lambda values, _: allowed(whole(values), free)[free],
+        move,
     )
 
 
-def _levels(fit: Fit, shots: list[Shot], count: int) -> Array:
+def _levels(fit: Fit, shots: Shots, count: int) -> Array:
     """Root mean square of the residuals of each of `count` logs, rad; 0 without shots."""
-    place = np.repeat([shot.log for shot in shots], np.diff(fit.shooting.rows))
+    place = np.repeat(shots.logs, shots.sizes)
     squares = np.bincount(place, (fit.residuals * fit.shooting.sigma) ** 2, minlength=count)
     result: Array = np.sqrt(squares / np.maximum(np.bincount(place, minlength=count), 1))
     return result
 
 
-def _covariance(fit: Fit, shots: list[Shot]) -> Array:
+def _covariance(fit: Fit, shots: Shots) -> Array:
     """Covariance from the Jacobian, and from the scatter of the scores where that is larger (cluster-robust).
 
     Clusters are the shots, or blocks of these where they are few.
     """
     count, used = len(fit.values), 0
-    blocks = [1] * len(shots)
+    blocks = np.ones(len(shots), dtype=np.int64)
     if len(shots) <= count + FEWEST_SPARE:
-        blocks, used = [max(round(float(shot.steps.sum()) / BLOCK), 1) for shot in shots], fit.states.size
-    parts = [len(part) for shot, own in zip(shots, blocks, strict=True) for part in np.array_split(shot.wheel, own)]
+        lengths = shots.time[shots.rows[1:] - 1] - shots.time[shots.rows[:-1]]
+        blocks, used = np.maximum(np.rint(lengths / BLOCK).astype(np.int64), 1), fit.states.size
+    parts = [len(part) for n, own in zip(shots.sizes, blocks, strict=True) for part in np.array_split(np.empty(n), own)]
     scores = fit.scores(np.repeat(np.arange(len(parts)), parts))
     robust = scores @ scores.T * (len(parts) / max(len(parts) - count - used, 1))
     return widened(fit.white(), robust)[0]

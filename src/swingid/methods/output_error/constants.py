@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from swingid.methods.output_error.axis_motion import GAIN
 from swingid.model import parameters as at
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
@@ -31,7 +30,8 @@ def constant_places(rig: Rig, equation: Equation) -> dict[str, Places]:
             found[term.term.key] = ((place + at.COEFFICIENT, 1.0),)
             found |= {term.term.shift: ((place + at.SHIFT, 1.0),)} if term.shift.std else {}
     if equation.drive == "direct":
-        found["log.torque_gain"] = ((GAIN, 1.0 / rig.log.torque_gain.value),)
+        # a torque acts as a12 q2'' does, see `axis_motion`
+        found["log.torque_gain"] = ((at.A12, -1.0 / rig.log.torque_gain.value),)
     if equation.drive != "reaction-wheel" or rig.drive.motor is None:
         return found
     motor = rig.drive.motor

@@ -36,16 +36,6 @@ def sliding_slopes(cosine: float, v: float, s: int, p: Array) -> tuple[float, fl
 
 
 @njit_inlined
-def axis_slopes(q1: float, v: float, s: int, p: Array) -> tuple[float, float]:
-    """Derivatives of the torques on the left of equation (I), by the angle (N m/rad) and by the speed (N m s)."""
-    by_angle, by_speed = sliding_slopes(math.cos(q1), v, s, p)
-    if p[at.FURTHER] != 0.0:
-        further = further_slopes(q1, v, s, p)
-        by_angle, by_speed = by_angle + further[0], by_speed + further[1]
-    return float(by_angle), float(by_speed)
-
-
-@njit_inlined
 def sliding_row(sine: float, v: float, s: int, p: Array, row: Array) -> None:
     """∂r1/∂p into the places of `row` (SIZE,) of gravity and friction: −sin q1 for b, and those of −F."""
     row[at.B] = -sine
@@ -60,14 +50,6 @@ def sliding_row(sine: float, v: float, s: int, p: Array, row: Array) -> None:
     row[at.COULOMB_P], row[at.COULOMB_N] = -(1.0 - peak) * up, (1.0 - peak) * down
     row[at.STATIC_P], row[at.STATIC_N] = -peak * up, peak * down
     row[at.QUADRATIC], row[at.CUBIC], row[at.OFFSET] = -s * v * v, -v * v * v, -1.0
-
-
-@njit_inlined
-def axis_row(q1: float, v: float, s: int, p: Array, row: Array) -> None:
-    """∂r1/∂p into the places of `row` (SIZE,) that equation (I) contains."""
-    sliding_row(math.sin(q1), v, s, p, row)
-    if p[at.FURTHER] != 0.0:
-        further_row(q1, v, s, p, row)
 
 
 @njit

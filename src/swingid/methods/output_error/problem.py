@@ -9,31 +9,17 @@ from typing import Literal
 
 import numpy as np
 
-from swingid.methods.output_error.axis_motion import GAIN, TORQUE, axis_motion
-from swingid.methods.output_error.motor_motion import (
-    FIELDS,
-    motor_steps,
-    read_along,
-    read_with_slopes,
-)
-from swingid.methods.output_error.partials import further_kernel
+from swingid.methods.output_error.axis_motion import AXIS_BEGIN, AXIS_STEP
+from swingid.methods.output_error.motion import PLAIN, Steps, read_along, read_with_slopes, steps_of
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
 from swingid.model.integrator import STEP_KERNEL
-from swingid.model.motion import LONGEST
-from swingid.model.parameters import SIZE, STATIC_N, STATIC_P, STRIBECK_SPEED
+from swingid.model.parameters import A12, D1, D2, DIRECT, GEAR, SIZE, WHEEL_STATIC
 from swingid.model.sticking import BEGIN_KERNEL
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.shooting import Prediction, Shooting
 from swingid.preparation.encoders import Encoders
 
 Input = Literal["voltage", "wheel", "torque", "none"]
-
-LONGEST_STEP = 2e-3
-"""Longest step (s) of the axis' integration; with 20 rad/s its error is 1e-9 of the motion."""
-
-CHATTERS = 50
-"""Times as many steps as one per knot and `LONGEST`, from about which on a motion counts as divergent: its friction
-changes sides all the time. Motions that resemble a log take hardly more than once as many."""
 
 NO_PEAKS = np.empty(0)
 
@@ -49,7 +35,7 @@ class Problem:
 
     measured (r,), wheel (r,) true where the reading is the wheel's, sigma (r,) its standard deviation, times (r,).
     bounds (k + 1,): first knot of each segment; rows (k + 1,): its first reading. starts (k, 2 or 4): initial values
-    from the angles. commands (n,) or courses (n, 3, 4): the input from each knot on.
+    from the angles. inputs (n, c): the input from each knot on, see `motion.motion_steps`.
     """
 
     input: Input
@@ -57,8 +43,7 @@ class Problem:
     flags: Ints
     bounds: Ints
     rows: Ints
-    commands: Array
-    courses: Array
+    inputs: Array
     measured: Array
     wheel: Bools
     sigma: Array
@@ -77,41 +62,21 @@ class Problem:
         entries: Entries,
         states: Array,
         unknowns: int,
-        longest: float = LONGEST_STEP,
         same: Prediction | None = None,
+        peaks: Array = NO_PEAKS,
     ) -> Prediction:
-        """Readings under the constants p, and their derivatives by initial values and `unknowns` columns of entries.
+        """Readings under the constants p (SIZE,), and their derivatives by initial values and columns of entries.
 
-        p (SIZE,), or (SIZE + 1,) with the gain of the torque as the last, which multiplies the torque. same: a
-        prediction of the same motion, whose steps are used again.
+        unknowns: how many such columns. same: a prediction of the same motion, whose steps are used again. peaks: see
+        `motion.motion_readings`.
         """
-        courses, gain = self.courses, float(p[GAIN]) if len(p) > GAIN else 1.0
-        if gain != 1.0:
-            courses = courses.copy()
-            courses[:, TORQUE] *= gain
-            places, columns, weights = entries
-            # the kernel's derivative by the gain is the torque that it is given
-            entries = places, columns, np.where(places == GAIN, weights / gain, weights)
-        if self.input == "voltage":
-            steps = self._steps(p, states) if same is None else same.steps
-            return self._read(steps, p, entries, NO_PEAKS, self.states + unknowns)
-        outputs, rates, slopes = found = self._room(self.states + unknowns)
-        finite = axis_motion(self.knots, courses, self.flags, self.bounds, states, p, entries, longest, found)
-        return Prediction(outputs, slopes, bool(finite), rates)
-
-    def _room(self, columns: int) -> tuple[Array, Array, Array]:
-        """Zeros for outputs and rates (r,) and slopes (r, columns)."""
-        count = len(self.measured)
-        return np.zeros(count), np.zeros(count), np.zeros((count, columns))
-
-    def _read(
-        self, steps: tuple[Array, Ints] | None, p: Array, entries: Entries, peaks: Array, columns: int
-    ) -> Prediction:
-        """Readings and derivatives along the steps of a motion under the voltage; not finite without steps."""
-        outputs, rates, slopes = found = self._room(columns)
-        if steps is not None:
-            read_with_slopes(further_kernel(p), steps, p, entries, peaks, *found)
-        return Prediction(outputs, slopes, steps is not None, rates, steps)
+        p = self._constants(p)
+        steps = self._steps(p, states) if same is None else same.steps
+        if steps is None:
+            return Prediction(self.measured, np.empty((len(self.measured), 0)), finite=False)
+        initial = np.where(np.arange(4) < self.states, np.arange(4), -1)
+        outputs, rates, slopes = read_with_slopes(steps, initial, p, entries, peaks, self.states + unknowns)
+        return Prediction(outputs, slopes, rates=rates, steps=steps)
 
     def with_peaks(
         self, p: Array, entries: Entries, states: Array, unknowns: int, same: Prediction, peaks: Array
@@ -120,37 +85,26 @@ class Problem:
 
         same: a prediction of this motion; peaks (k,): their speeds (rad/s). One column of slopes is left at the end.
         """
-        first = self.states + unknowns
-        if same.steps is not None:
-            places, columns = np.arange(SIZE, SIZE + len(peaks)), np.arange(first, first + len(peaks))
-            more = places, columns, np.ones(len(peaks))
-            both = [np.concatenate(pair) for pair in zip(entries, more, strict=True)]
-            return self._read(same.steps, p, (both[0], both[1], both[2]), peaks, first + len(peaks) + 1)
-        bare = self.predict(p, entries, states, unknowns)
-        slopes = np.zeros((len(bare.slopes), first + len(peaks) + 1))
-        slopes[:, :first] = bare.slopes
-        for k, peak in enumerate(peaks):
-            own = p.copy()
-            own[STRIBECK_SPEED] = peak
-            height = np.array([STATIC_P, STATIC_N]), np.array([self.states, self.states]), np.ones(2)
-            slopes[:, first + k] = self.predict(own, height, states, 1).slopes[:, self.states]
-        return replace(bare, slopes=slopes)
+        places = SIZE + np.arange(len(peaks))
+        more = places, places - SIZE + self.states + unknowns, np.ones(len(peaks))
+        places, columns, weights = (np.concatenate(pair) for pair in zip(entries, more, strict=True))
+        return self.predict(p, (places, columns, weights), states, unknowns + len(peaks) + 1, same, peaks)
 
-    def _steps(self, p: Array, states: Array) -> tuple[Array, Ints] | None:
-        """The steps of the motion under the voltage, and the first of each segment; None where it diverges."""
-        begins, states = np.zeros(len(self.bounds), dtype=np.int64), np.ascontiguousarray(states)
-        time = float(np.sum(self.knots[self.bounds[1:] - 1] - self.knots[self.bounds[:-1]]))
-        least = max(len(self.knots), int(time / LONGEST))
-        room = least + least // 4 + 100
-        while room <= CHATTERS * least:
-            nodes = np.empty((room, FIELDS))
-            ended = motor_steps(
-                STEP_KERNEL, BEGIN_KERNEL, self.knots, self.commands, self.flags, self.bounds, states, p, nodes, begins
-            )
-            if ended >= 0:
-                return (nodes, begins) if ended else None
-            room *= 4
-        return None
+    def _constants(self, p: Array) -> Array:
+        """The constants as the motion takes them: with another input than the voltage the motor does nothing."""
+        if self.input == "voltage":
+            return p
+        own = np.append(p, np.zeros(self.inputs.shape[1] - PLAIN))
+        own[[GEAR, D1, D2]], own[WHEEL_STATIC] = 0.0, np.inf
+        own[A12] -= own[DIRECT]
+        return own
+
+    def _steps(self, p: Array, states: Array) -> Steps | None:
+        """The steps of the motion; None where it diverges."""
+        whole = np.zeros((len(states), 4))
+        whole[:, : self.states] = states
+        step, begin = (STEP_KERNEL, BEGIN_KERNEL) if self.input == "voltage" else (AXIS_STEP, AXIS_BEGIN)
+        return steps_of(step, begin, self.knots, self.inputs, self.flags, self.bounds, whole, p)
 
     def shooting(self, unknowns: Unknowns, loss: str = "linear") -> Shooting:
         """Least squares of these readings; `loss`: one of `LOSSES`."""
@@ -172,8 +126,6 @@ class Problem:
             unknowns.power,
             nearest,
             partial(self.moved, unknowns),
-            # under a voltage the motion is a step of its own, along which the sensitivities follow
-            self.input == "voltage",
             loss,
         )
 
@@ -185,13 +137,10 @@ class Problem:
 
     def moved(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:
         """The same readings without their derivatives (r, 0)."""
-        p, none = unknowns.vector(values), np.empty((len(self.measured), 0))
-        if self.input == "voltage":
-            steps = self._steps(p, states)
-            outputs, rates = (self.measured, self.measured) if steps is None else read_along(*steps)
-            prediction = Prediction(outputs, none, steps is not None, rates, steps)
-        else:
-            prediction = replace(self.predict(p, NO_ENTRIES, states, 0), slopes=none)
+        steps = self._steps(self._constants(unknowns.vector(values)), states)
+        outputs, rates = (self.measured, self.measured) if steps is None else read_along(*steps)
+        none = np.empty((len(self.measured), 0))
+        prediction = Prediction(outputs, none, steps is not None, rates, steps)
         return as_read(prediction, self, unknowns.names, values)
 
     def part(self, chosen: list[int], most: int = 1 << 62) -> Problem:
@@ -201,7 +150,7 @@ class Problem:
         read = np.concatenate([[0], np.cumsum(np.bitwise_count(self.flags))])
         lengths = [int(read[end] - read[self.bounds[s]]) for s, end in zip(chosen, ends, strict=True)]
         rows = np.concatenate([np.arange(self.rows[s], self.rows[s] + n) for s, n in zip(chosen, lengths, strict=True)])
-        of_knots = {name: getattr(self, name)[knots] for name in ("knots", "flags", "commands", "courses")}
+        of_knots = {name: getattr(self, name)[knots] for name in ("knots", "flags", "inputs")}
         of_rows = {name: getattr(self, name)[rows] for name in ("measured", "wheel", "sigma", "times")}
         bounds = ends_of([end - self.bounds[s] for s, end in zip(chosen, ends, strict=True)])
         return replace(self, bounds=bounds, rows=ends_of(lengths), starts=self.starts[chosen], **of_knots, **of_rows)

@@ -191,9 +191,7 @@ def choose_law(rough: Searched, independent: float, fastest: float, law: str) ->
     origin = np.concatenate([fit.values[body], _terms(at), np.zeros(len(peaks))])
     reduced, gram = _products(rough, body, peaks)
     names = DISTINCT if law == "auto" else (law,)
-    choice = LawChoice(
-        gram, len(body), independent, names, names[0], peaks=peaks, origin=origin, level=BELOW, sided=False
-    )
+    choice = LawChoice(gram, len(body), independent, names, names[0], peaks=peaks, origin=origin, level=BELOW)
     best, weights, trials = choice.best, choice.weights(akaike), choice.trials
     squares = [(one.values[0] - best.values[0]) ** 2 + one.variance - best.variance for one in trials.values()]
     spread = float(np.sqrt(max(np.array([weights[name] for name in trials]) @ np.array(squares), 0.0)))

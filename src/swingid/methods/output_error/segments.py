@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from swingid.errors import UnanswerableError
-from swingid.methods.output_error.axis_motion import COURSES, SPEED, TORQUE, WHEEL
-from swingid.methods.output_error.motor_motion import READ_ANGLE, READ_WHEEL
+from swingid.methods.output_error.axis_motion import COURSES
+from swingid.methods.output_error.motion import PLAIN, READ_ANGLE, READ_WHEEL
 from swingid.methods.output_error.problem import Input, Problem, ends_of
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
@@ -47,7 +47,6 @@ def problem_of(
         )
     knots, flags, measured, wheel, times = (np.concatenate([part[i] for part in parts]) for i in range(5))
     bounds = ends_of([len(part[0]) for part in parts])
-    commands, courses = drives.at(knots, bounds)
     # angles without noise get 1e-8 of their range
     sigma = [max(spread, 1e-8 * float(np.ptp(values))) for values, _, spread in channels]
     return Problem(
@@ -56,8 +55,7 @@ def problem_of(
         flags,
         bounds,
         ends_of([len(part[2]) for part in parts]),
-        commands,
-        courses,
+        drives.at(knots, bounds),
         measured,
         wheel,
         np.where(wheel, sigma[-1], sigma[0]),
@@ -106,11 +104,12 @@ def _segment(
 
 @dataclass(frozen=True)
 class _Drives:
-    """The input: held values from `times` on, or cubics through values at `times`."""
+    """The input: held values from `times` on, of a voltage or a torque, or cubics as `axis_motion` has them."""
 
     times: Array
     held: Array | None
-    cubics: tuple[tuple[Array, Array, Array] | None, ...]
+    cubics: tuple[tuple[Array, Array, Array] | None, ...] = (None, None, None)
+    volts: bool = False
 
     @classmethod
     def of(cls, log: Recording, source: Input, wheel_late: float, noise: Noise) -> _Drives:
@@ -122,7 +121,7 @@ class _Drives:
             smooth = (speed.grid, speed.speed, spline_slopes(speed.grid, speed.speed))
             return cls(times, None, (wheel, smooth, None))
         if source == "none":
-            return cls(log.time, None, (None, None, None))
+            return cls(log.time, None)
         values = log.voltage if source == "voltage" else log.torque
         assert values is not None
         if source == "torque" and not log.drive_held:
@@ -130,26 +129,28 @@ class _Drives:
         if not log.drive_held:
             # a measured value holds for half a row before and after it
             times, values = _without_gaps(log.time, values)
-            return cls(np.append(times[0], (times[1:] + times[:-1]) / 2), values, (None, None, None))
-        return cls(*_without_gaps(log.time, values), (None, None, None))
+            return cls(np.append(times[0], (times[1:] + times[:-1]) / 2), values, volts=True)
+        return cls(*_without_gaps(log.time, values), volts=source == "voltage")
 
-    def at(self, knots: Array, bounds: Ints) -> tuple[Array, Array]:
-        """Commands from each knot on, and the cubics between knots; the wheel's angle counts from a segment's start."""
+    def at(self, knots: Array, bounds: Ints) -> Array:
+        """The input from each knot on, see `motion.motion_steps`; the wheel's angle counts from a segment's start."""
         commands = np.zeros(len(knots))
         if self.held is not None:
             before = np.searchsorted(self.times, knots, side="right") - 1
             commands = self.held[np.clip(before, 0, len(self.held) - 1)]
+        if self.volts:
+            return np.column_stack([commands, np.zeros_like(commands)])
         courses = np.zeros((len(knots), COURSES, 4))
-        courses[:, TORQUE, 0] = commands
+        courses[:, -1, 0] = commands
         steps = np.append(np.diff(knots), 0.0)
         # after a segment's last knot nothing is computed
         steps[bounds[1:] - 1] = 0.5 * float(np.median(steps))
-        for which, cubic in zip((WHEEL, SPEED, TORQUE), self.cubics, strict=True):
+        for which, cubic in enumerate(self.cubics):
             if cubic is not None:
                 courses[:, which] = _cubics(cubic, knots, steps)
         for first, last in pairwise(bounds):
-            courses[first:last, WHEEL, 0] -= courses[first, WHEEL, 0]
-        return commands, courses
+            courses[first:last, 0, 0] -= courses[first, 0, 0]
+        return np.hstack([np.zeros((len(knots), PLAIN)), courses.reshape(len(knots), -1)])
 
 
 def _cubics(cubic: tuple[Array, Array, Array], knots: Array, steps: Array) -> Array:

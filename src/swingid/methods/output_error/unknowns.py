@@ -25,7 +25,6 @@ from swingid.model.parameters import (
     AXIS_STICKS,
     COEFFICIENT,
     PLACES,
-    SIZE,
     WHEEL_TILT,
     add_term,
     can_stick,
@@ -133,10 +132,10 @@ class Unknowns:
         return places, states + columns, weights
 
     def vector(self, values: Array) -> Array:
-        """The rig's vector for values of the unknowns, and the gain of the torque after it (SIZE + 1,)."""
-        p, (places, columns, weights) = np.append(self.base, 1.0), self._entries
+        """The rig's vector (SIZE,) for values of the unknowns."""
+        p, (places, columns, weights) = self.base.copy(), self._entries
         np.add.at(p, places, weights * values[columns])
-        p[AXIS_STICKS] = can_stick(p[:SIZE])
+        p[AXIS_STICKS] = can_stick(p)
         return p
 
 

@@ -1,9 +1,10 @@
-"""The rig under its held voltage, with exact sensitivities: equations (I) and (II), every stop, release and reversal.
+"""Axis and wheel with exact sensitivities: equations (I) and (II), every stop, release and reversal.
 
-The state moves as in the digital twin (`swingid.model.motion`), step by step, each within one mode. These steps are
-noted, and the sensitivities S follow along them: S' = (∂f/∂x) S + ∂f/∂θ. Where a step ends because a speed passes zero,
-the slope f jumps, and with it S (the saltation): at the reversal of a speed v at t*, ∂t*/∂θ = −S_v/v'⁻, so
-S⁺ = S⁻ + (f⁺ − f⁻) S_v/v'⁻. At the edge of the dead zone and at a release f is continuous, and so is S.
+The state moves as in the digital twin (`swingid.model.motion`), step by step, each within one mode: under the held
+voltage by the twin's own step, with another input by that of `axis_motion`; a wheel on a measured axis is kicked by it.
+These steps are noted, and the sensitivities S follow along them: S' = (∂f/∂x) S + ∂f/∂θ. Where a step ends because a
+speed passes zero, the slope f jumps, and with it S (the saltation): at the reversal of a speed v at t*, ∂t*/∂θ =
+−S_v/v'⁻, so S⁺ = S⁻ + (f⁺ − f⁻) S_v/v'⁻. At the edge of the dead zone and at a release f is continuous, and so is S.
 
 The steps do not depend on the unknowns, so further sensitivities of the same motion need no second simulation.
 """
@@ -14,25 +15,42 @@ import math
 
 import numpy as np
 
-from swingid.methods.output_error.partials import Further, mass_rows, motor_row, sliding_row, sliding_slopes
+from swingid.methods.output_error.partials import (
+    Further,
+    further_kernel,
+    mass_rows,
+    motor_row,
+    sliding_row,
+    sliding_slopes,
+)
 from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, Step, Z
-from swingid.model.motion import COUNTS, next_step
+from swingid.model.motion import COUNTS, LONGEST, next_step
 from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, FURTHER, GEAR, SIZE
 from swingid.model.sticking import Begin, stop_reversed
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit, njit_inlined, place
+from swingid.numerics.compiled import KernelPointer, njit, njit_inlined, place
 
 READ_ANGLE, READ_WHEEL = 1, 2
 """Bits of `flags`: the angle, the wheel's angle is read at this knot."""
 
+PLAIN = 2
+"""Columns of `inputs` that every motion has: the command, and the change of the axis' speed (rad/s) by a kick."""
+
+Steps = tuple[Array, Ints]
+"""The steps of a motion (n, FIELDS), and the first of each segment (k + 1,)."""
+
 MOST_STEPS = 5_000
 """Steps between two knots beyond which the simulation is abandoned as divergent (constants far off)."""
 
-STEP, COMMAND, SIDE1, SIDE2, BRANCH, ANGLE, SPEED, TURN, WHEEL, RATE1, RATE2, END1, END2, PASSED, FLAG, FIELDS = range(
-    16
-)
+STEP, COMMAND, SIDE1, SIDE2, BRANCH, ANGLE, SPEED, TURN, WHEEL, RATE1, RATE2, END1, END2, PASSED, FLAG, KICK = range(16)
+FIELDS = KICK + 1
 """Columns of `nodes`: length (s) of the step from here, voltage and mode in it; (q1, q1', q2, q2') here; (q1'', q2'')
-here and at the step's end; which speed has passed zero here (1 the axis', 2 the wheel's, 0 none); what is read here."""
+here and at the step's end; which speed has passed zero here (1 the axis', 2 the wheel's, 0 none); what is read here; by
+how much a kick has changed q1' here."""
+
+CHATTERS = 50
+"""Times as many steps as one per knot and `LONGEST`, from about which on a motion counts as divergent: its friction
+changes sides all the time. Motions that resemble a log take hardly more than once as many."""
 
 WIDEST, BLOCK = 64, 10
 """Most columns of sensitivities at a time. They lie in ten rows of this length: S (4, m) of (q1, q1', q2, q2'), then
@@ -49,11 +67,11 @@ NONE = place(0)
 
 
 @njit
-def motor_steps(
+def motion_steps(
     step: Step,
     begin: Begin,
     knots: Array,
-    commands: Array,
+    inputs: Array,
     flags: Ints,
     bounds: Ints,
     states: Array,
@@ -61,22 +79,29 @@ def motor_steps(
     nodes: Array,
     begins: Ints,
 ) -> int:
-    """The steps of the rig under held voltages, segment by segment, into the rows of `nodes` (n, FIELDS).
+    """The steps of a motion, segment by segment, into the rows of `nodes` (n, FIELDS).
 
-    step, begin: `STEP_KERNEL` and `BEGIN_KERNEL` of the model.
-    knots (n,): instants at which a voltage begins or an angle is read, s. commands (n,): voltage from each knot on, V.
-    flags (n,): READ_ANGLE | READ_WHEEL. bounds (k + 1,): first knot of each segment. states (k, 4): (q1, q1', q2, q2')
-    at a segment's first knot. p (SIZE,): the rig's constants. begins (k + 1,) becomes the first row of each segment and
-    the number of rows. Returns 1, 0 where the motion did not stay finite, −1 where it has more steps than rows.
+    step, begin: `STEP_KERNEL` and `BEGIN_KERNEL` of the model, or those of `axis_motion`.
+    knots (n,): instants at which a voltage begins or an angle is read, s. inputs (n, c): voltage from each knot on, V,
+    and kick at it; what follows becomes the tail of p. flags (n,): READ_ANGLE | READ_WHEEL. bounds (k + 1,): first knot
+    of each segment. states (k, 4): (q1, q1', q2, q2') at a segment's first knot. p (SIZE + c − 2,): the rig's
+    constants. begins (k + 1,) becomes the first row of each segment and the number of rows. Returns 1, 0 where the
+    motion did not stay finite, −1 where it has more steps than rows.
     """
     work, counts, rows = np.zeros((ROWS, STATES)), np.zeros(COUNTS, dtype=np.int64), NONE
+    tail = inputs.shape[1] - PLAIN
     for segment in range(len(bounds) - 1):
         work[NOW, Q1], work[NOW, V1] = states[segment, 0], states[segment, 1]
         work[NOW, Q2], work[NOW, V2], work[NOW, Z] = states[segment, 2], states[segment, 3], 0.0
         tried, passed = 1e-3, 0.0
         begins[segment] = rows
         for k in range(bounds[segment], bounds[segment + 1]):
-            u, flag, left, events, steps = commands[k], float(flags[k]), 0.0, NONE, NONE
+            u, kick, flag, left, events, steps = inputs[k, 0], inputs[k, 1], float(flags[k]), 0.0, NONE, NONE
+            if tail > 0:
+                work[NOW, Z] = 0.0
+            for i in range(tail):
+                p[SIZE + i] = inputs[k, PLAIN + i]
+            work[NOW, V2] -= p[A12] / p[A22] * kick
             if k + 1 < bounds[segment + 1]:
                 left = knots[k + 1] - knots[k]
             mode, ended, going = (NONE, NONE, NONE), True, True
@@ -85,8 +110,8 @@ def motor_steps(
                     mode = begin(work, u, p)
                 if rows == len(nodes):
                     return -1
-                _note(nodes, rows, work, mode, u, passed, flag)
-                rows, passed, flag = rows + 1, 0.0, 0.0
+                _note(nodes, rows, work, mode, u, passed, flag, kick)
+                rows, passed, flag, kick = rows + 1, 0.0, 0.0, 0.0
                 if left <= 0.0:
                     break
                 h, tried, ended = next_step(step, left, tried, work, mode, u, p, events, counts)
@@ -112,9 +137,10 @@ def motor_steps(
 
 
 @njit_inlined
-def _note(nodes: Array, row: int, work: Array, mode: Mode, u: float, passed: float, flag: float) -> None:
+def _note(nodes: Array, row: int, work: Array, mode: Mode, u: float, passed: float, flag: float, kick: float) -> None:
     """Row NOW of `work` and what holds from it on into a row of `nodes`, with a step of no length."""
-    nodes[row, STEP], nodes[row, COMMAND], nodes[row, PASSED], nodes[row, FLAG] = 0.0, u, passed, flag
+    nodes[row, STEP], nodes[row, COMMAND] = 0.0, u
+    nodes[row, PASSED], nodes[row, FLAG], nodes[row, KICK] = passed, flag, kick
     nodes[row, SIDE1], nodes[row, SIDE2], nodes[row, BRANCH] = mode[0], mode[1], mode[2]
     nodes[row, ANGLE], nodes[row, SPEED] = work[NOW, Q1], work[NOW, V1]
     nodes[row, TURN], nodes[row, WHEEL] = work[NOW, Q2], work[NOW, V2]
@@ -122,8 +148,32 @@ def _note(nodes: Array, row: int, work: Array, mode: Mode, u: float, passed: flo
     nodes[row, END1], nodes[row, END2] = work[FIRST, V1], work[FIRST, V2]
 
 
+def steps_of(
+    step: KernelPointer,
+    begin: KernelPointer,
+    knots: Array,
+    inputs: Array,
+    flags: Ints,
+    bounds: Ints,
+    states: Array,
+    p: Array,
+) -> Steps | None:
+    """The steps of a motion, see `motion_steps`; None where it diverges."""
+    begins = np.zeros(len(bounds), dtype=np.int64)
+    time = float(np.sum(knots[bounds[1:] - 1] - knots[bounds[:-1]]))
+    least = max(len(knots), int(time / LONGEST))
+    room = least + least // 4 + 100
+    while room <= CHATTERS * least:
+        nodes = np.empty((room, FIELDS))
+        ended = motion_steps(step, begin, knots, inputs, flags, bounds, states, p, nodes, begins)
+        if ended >= 0:
+            return (nodes, begins) if ended else None
+        room *= 4
+    return None
+
+
 def read_along(nodes: Array, begins: Ints) -> tuple[Array, Array]:
-    """What is read along the steps of `motor_steps`, and its rates, without derivatives."""
+    """What is read along the steps of a motion, and its rates, without derivatives."""
     nodes = nodes[: begins[-1]]
     flags = nodes[:, FLAG].astype(np.int64)
     read = (flags[:, None] & (READ_ANGLE, READ_WHEEL)) > 0
@@ -131,10 +181,11 @@ def read_along(nodes: Array, begins: Ints) -> tuple[Array, Array]:
 
 
 @njit
-def motor_readings(
+def motion_readings(
     further: Further,
     nodes: Array,
     begins: Ints,
+    initial: Ints,
     p: Array,
     places: Ints,
     columns: Ints,
@@ -150,19 +201,27 @@ def motor_readings(
     jacobian: Array,
     more: Array,
 ) -> None:
-    """What is read along the steps of `motor_steps`, and its derivatives.
+    """What is read along the steps of `motion_steps`, and its derivatives.
 
-    further: `partials.further_kernel`. p (SIZE,): the constants of these steps. places, columns, weights: each constant
+    further: `partials.further_kernel`. initial (4,): columns of the initial values of (q1, q1', q2, q2'), −1 of those
+    that are no unknowns. p (SIZE,): the constants of these steps. places, columns, weights: each constant
     of p that moves with an unknown; place SIZE + k is the height of a Stribeck's peak of the speed peaks[k] (rad/s),
     which the motion has not. outputs (r,) in rad, their rates (r,) in rad/s and slopes (r, m), m ≤ WIDEST: derivatives
-    by the four initial values of the row's segment, then by the unknowns. block and what follows it: room, of zeros.
+    by the initial values of the row's segment, then by the unknowns. block and what follows it: room, of zeros.
     """
     m, r = slopes.shape[1], NONE
     wide = (m + 7) // 8 * 8
     for segment in range(len(begins) - 1):
         for i in range(4 * WIDEST):
-            block[i] = 1.0 if i % WIDEST == i // WIDEST else 0.0
+            block[i] = 1.0 if i % WIDEST == initial[i // WIDEST] else 0.0
+        for i in range(2):  # the speed of what rests has no effect
+            if nodes[begins[segment], SIDE1 + i] == 0.0 and initial[2 * i + 1] >= 0:
+                block[(2 * i + 1) * WIDEST + initial[2 * i + 1]] = 0.0
         for n in range(begins[segment], begins[segment + 1]):
+            if nodes[n, KICK] != 0.0:
+                for e in range(len(places)):
+                    if places[e] == A12:
+                        block[3 * WIDEST + columns[e]] -= weights[e] * nodes[n, KICK] / p[A22]
             if nodes[n, PASSED] != 0.0:
                 _leap(nodes, n, block)
             flag = nodes[n, FLAG]
@@ -206,7 +265,7 @@ def _leap(nodes: Array, n: int, block: Array) -> None:
 def _points(nodes: Array, n: int, p: Array, points: Array, mode: Array) -> None:
     """(q1, q1', q2', q1'', q2'', sin q1, cos q1) at begin, middle and end of a step into `points` (3, 7).
 
-    The middle is that of the quintic.
+    The middle is that of the quintic, its speed that of the cubic: a measured wheel's angle and speed differ a little.
     """
     h, end = nodes[n, STEP], n + 1
     if mode[0] != nodes[n, SIDE1] or mode[1] != nodes[n, SIDE2]:
@@ -217,11 +276,9 @@ def _points(nodes: Array, n: int, p: Array, points: Array, mode: Array) -> None:
     for i in range(2):
         begin, last = nodes[n, RATE1 + i], nodes[n, END1 + i]
         points[0, 3 + i], points[2, 3 + i] = begin, last
-        # speed of the quintic in its middle, and its slope
-        position, rate = ANGLE + 2 * i, 1 + i
-        way = nodes[end, position] - nodes[n, position]
-        points[1, rate] = 1.875 * way / h - 0.4375 * (points[0, rate] + points[2, rate]) - h / 32.0 * (begin - last)
-        points[1, 3 + i] = 1.5 * (points[2, rate] - points[0, rate]) / h - 0.25 * (begin + last)
+        first, second = points[0, 1 + i], points[2, 1 + i]
+        points[1, 1 + i] = 0.5 * (first + second) + 0.125 * h * (begin - last)
+        points[1, 3 + i] = 1.5 * (second - first) / h - 0.25 * (begin + last)
     middle = 0.5 * (points[0, 0] + points[2, 0]) + 0.15625 * h * (points[0, 1] - points[2, 1])
     points[1, 0] = middle + h * h / 64.0 * (points[0, 3] + points[2, 3])
     points[0, 5], points[0, 6] = math.sin(points[0, 0]), math.cos(points[0, 0])
@@ -328,28 +385,25 @@ def _carry(h: float, block: Array, jacobian: Array, wide: int) -> None:
 
 
 def read_with_slopes(
-    further: Further,
-    steps: tuple[Array, Ints],
-    p: Array,
-    entries: tuple[Ints, Ints, Array],
-    peaks: Array,
-    outputs: Array,
-    rates: Array,
-    slopes: Array,
-) -> None:
-    """`motor_readings` with any number of columns, some at a time.
+    steps: Steps, initial: Ints, p: Array, entries: tuple[Ints, Ints, Array], peaks: Array, columns: int
+) -> tuple[Array, Array, Array]:
+    """Outputs, rates and slopes (r, columns) of `motion_readings`, any number of columns, some at a time.
 
     Its room is made here, for in a kernel that costs a third of a second of compiling.
     """
-    s, (places, columns, weights) = 4, entries
-    rows = np.zeros((2, SIZE + len(peaks)))
+    nodes, begins = steps
+    flags = nodes[: begins[-1], FLAG].astype(np.int64)
+    r, s, (places, to, weights) = int(np.bitwise_count(flags).sum()), int(np.max(initial)) + 1, entries
+    outputs, rates, slopes = np.empty(r), np.empty(r), np.empty((r, columns))
+    further, rows = further_kernel(p), np.zeros((2, SIZE + len(peaks)))
     room = np.zeros(BLOCK * WIDEST), np.zeros((3, 7)), np.zeros(7), rows, np.zeros((3, 9)), np.zeros(2)
-    if slopes.shape[1] <= WIDEST:
-        motor_readings(further, *steps, p, places, columns, weights, peaks, outputs, rates, slopes, *room)
-        return
-    for first in range(s, slopes.shape[1], WIDEST - s):
-        own = (columns >= first) & (columns < first + WIDEST - s)
-        part = np.zeros((len(slopes), min(slopes.shape[1] - first + s, WIDEST)))
-        mine, to, by = places[own], columns[own] - first + s, weights[own]
-        motor_readings(further, *steps, p, mine, to, by, peaks, outputs, rates, part, *room)
+    if columns <= WIDEST:
+        motion_readings(further, nodes, begins, initial, p, places, to, weights, peaks, outputs, rates, slopes, *room)
+        return outputs, rates, slopes
+    for first in range(s, columns, WIDEST - s):
+        own = (to >= first) & (to < first + WIDEST - s)
+        part = np.zeros((r, min(columns - first + s, WIDEST)))
+        mine, at, by = places[own], to[own] - first + s, weights[own]
+        motion_readings(further, nodes, begins, initial, p, mine, at, by, peaks, outputs, rates, part, *room)
         slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]
+    return outputs, rates, slopes

@@ -27,9 +27,6 @@ from swingid.units import Quantity
 CLEARLY = 0.5
 """Ratio of residuals below which one reading of a channel fits clearly better than another."""
 
-LEAST = 1e-4
-"""Share of a11 below which a change is not worth a warning: without noise, rounding is significant."""
-
 BAD_MOTOR = 0.1
 """Relative residual of equation (II) above which motor constants or wheel angle are inconsistent with the log."""
 

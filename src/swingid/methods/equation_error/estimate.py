@@ -13,7 +13,7 @@ from swingid.balance.delays import dry_levels, impulse_of, late_reversals
 from swingid.balance.friction_laws import EXACT, Law
 from swingid.balance.rows import Rows, Signals
 from swingid.checks.consistency import DISAGREES
-from swingid.checks.rig_file import CONFLICT
+from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import AT_LEAST, SETTLING, Cutoff
 from swingid.methods.equation_error.fit import ROWS_PER_UNKNOWN, best_lag, fit_rows

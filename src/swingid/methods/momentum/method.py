@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.choice import MEMORY, Choice
+from swingid.balance.choice import MEMORY
 from swingid.balance.errors import errors_of, sensitivities
 from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, with_declared
 from swingid.balance.friction import FrictionLaw
@@ -21,35 +21,28 @@ from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.systematics import (
     COMPARED,
-    PlaceFit,
     common_instants,
     disagreement,
     drift_with_length,
-    gravity_conflict,
     grid_spread,
     noise_weights,
-    place_fits,
-    place_torque,
     timing_spread,
 )
 from swingid.balance.windows import even_windows, swing_windows
-from swingid.checks.angle_scale import SCALE
 from swingid.checks.answer import check_answer, check_motor, check_sign, free_reading
-from swingid.checks.closure import check_closure
-from swingid.checks.latency import check_latency
+from swingid.checks.hypothesis import Evidence, Judged
 from swingid.checks.level import chosen_at_level
-from swingid.checks.place import PLACE, check_place, spring_note
-from swingid.checks.rig_file import CONFLICT, contradictions
-from swingid.checks.stability import PARTS, Stability
-from swingid.checks.stated import check_encoders
+from swingid.checks.stability import agreement
+from swingid.checks.table import NAMED, entries, messages_of
 from swingid.errors import NotIdentifiableError, UnanswerableError, UsageError
 from swingid.format import plus_minus
 from swingid.methods.momentum.together import momentum_together
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import CURVATURE_POWER
-from swingid.preparation.prepared import Part, Prepared
+from swingid.preparation.prepared import Prepared
 from swingid.recording.findings import Kind
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Details, Message, Result, SwingSeries
@@ -62,20 +55,26 @@ NEGLIGIBLE = 1e-3
 
 @dataclass(frozen=True)
 class _Estimate:
-    """All fits of one log: the chosen law windows, those of other lengths, the other kinds, the friction.
+    """The balance of one log with its chosen law windows, fits on the other kinds of windows.
 
     common: errors that the scatter of the rows does not contain, by source.
     """
 
-    law: WindowFit
-    tried: dict[float, WindowFit]
+    evidence: Evidence
     swing: WindowFit | None
     even: WindowFit | None
-    friction: FrictionLaw
     common: dict[str, float]
     turning_rows: Rows
-    place: list[PlaceFit]
-    stability: Stability
+
+    @property
+    def law(self) -> WindowFit:
+        """The fit on law windows."""
+        return self.evidence.law
+
+    @property
+    def friction(self) -> FrictionLaw:
+        """Law and curve of the friction."""
+        return self.evidence.choice.friction
 
 
 def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
@@ -103,59 +102,37 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
             raise
         return momentum_together([prepared])
     rig, equation = prepared.rig, prepared.equation
-    signals = choice.signals
-    estimate = _estimate(choice, rig)
-    check_sign(estimate.law, prepared.log.source.path or "the log", live=prepared.log.is_live)
-    found = with_bias(_answer(estimate, rig, signals), estimate.law, part)
+    estimate = _estimate(Evidence(choice, part, memory))
+    law, signals = choice.law, choice.signals
+    check_sign(law, prepared.log.source.path or "the log", live=prepared.log.is_live)
+    found = with_bias(_answer(estimate, rig, signals), law, part)
     parameters, u = found.parameters, found.parameters["inertia"].standard_uncertainty or 0.0
-    # what contradicts the rig file is named, and neither makes an answer hopeless nor hides its causes
-    shared = sum(estimate.common[source] ** 2 for source in (CONFLICT, PLACE, PARTS))
-    alone = Parameter.of(estimate.law.inertia, max(u**2 - shared, 0.0) ** 0.5, equation.unit)
+    alone = max(u**2 - sum(estimate.common[source] ** 2 for source in NAMED), 0.0) ** 0.5
     amplitude = float(np.max(np.abs(signals.motion.turning_angles)))
     try:
-        checked = check_answer(parameters | {"inertia": alone}, found.budget, estimate.law, amplitude, rig)
+        inertia = Parameter.of(law.inertia, alone, equation.unit)
+        checked = check_answer(parameters | {"inertia": inertia}, found.budget, law, amplitude, rig)
         warnings, notes = checked.warnings, [checked.identifiability, *checked.notes]
     except NotIdentifiableError as error:
         if not prepared.one_of_several or not equation.seeks("gravity_torque"):
             raise
         warnings, notes = [Message(error.code, error.message, Kind.NOT_IDENTIFIABLE)], []
-    balance = motor_balance(part.log, rig, signals, estimate.law.rows.windows, part.noise)
+    balance = motor_balance(part.log, rig, signals, law.rows.windows, part.noise)
     without = None if balance else free_reading(rig, signals, part.noise, parameters["inertia"])
     motor = check_motor(balance, signals, without=without)
-    extra = estimate.stability.extra() | ({} if balance is None else {"motor_balance_residual": balance.as_stated})
-    lost = (
-        _loss_unexplained(signals, estimate.friction, equation.value("gravity_torque"))
-        if equation.drive == "none" and equation.value("gravity_torque")
-        else None
-    )
-    if lost is not None:
-        extra["loss_unexplained"] = lost
-    notes = [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes()]
-    off = contradictions(choice, part, alone.standard_uncertainty or 0.0)
-    off += check_encoders(estimate.law, rig, signals)
-    if all(one.code == SCALE for one in off):  # errors of the angle seem to be such a torque, too
-        off += check_place(estimate.law, estimate.place, estimate.law.total)
-    off += [] if off else check_closure(estimate.law)
-    off += check_latency(choice, part, u, memory)
-    size = parameters["inertia"].value, alone.standard_uncertainty or 0.0
-    off += [] if off or warnings else estimate.stability.disagreement(*size)
-    slow, slow_notes = estimate.stability.messages(*size, corrected=True)
-    off += slow
-    notes += [*moved.notes, *_impulse(estimate.law), *slow_notes]
-    notes += spring_note(estimate.law, estimate.place, signals, alone.standard_uncertainty or 0.0)
-    warnings = [*warnings, *off, *moved.warnings, *motor.warnings]
+    limits = {"alone": alone, "angle": alone, "timing": u} | dict.fromkeys(("gravity", "balance", "place"), law.total)
+    judged = Judged(parameters["inertia"].value, law.a11, limits, own=True)
+    off, assumed = messages_of(estimate.evidence, judged, [one.code for one in warnings])
     return prepared.result(
         "momentum",
-        replace(
-            found, sensitivities=sensitivities(estimate.law.rows, estimate.law.equation, estimate.law.fit.influence[0])
-        ),
+        replace(found, sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0])),
         part,
-        warnings,
-        notes,
-        replace(_details(estimate, signals, part), extra=extra),
+        [*warnings, *off, *moved.warnings, *motor.warnings],
+        [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes(), *moved.notes, *_impulse(law), *assumed],
+        _details(estimate, None if balance is None else balance.as_stated),
         {} if memory == "auto" else {"memory": memory},
         found=moved.corrections,
-        covariance=_covariance(estimate.law) if equation.seeks("gravity_torque") else {},
+        covariance=_covariance(law) if equation.seeks("gravity_torque") else {},
     )
 
 
@@ -181,8 +158,8 @@ def _covariance(law: WindowFit) -> dict[str, dict[str, float]]:
     }
 
 
-def _estimate(choice: Choice, rig: Rig) -> _Estimate:
-    law, signals = choice.law, choice.signals
+def _estimate(evidence: Evidence) -> _Estimate:
+    law, signals, rig = evidence.law, evidence.signals, evidence.part.rig
     swing = fit_rows(rows_of(signals, swing_windows(signals)), law.equation, law.noise, BASIS)
     turning_rows = rows_of(signals, even_windows(signals, signals.motion.half_period / 2))
     even = fit_rows(turning_rows, law.equation, law.noise, ("offset",))
@@ -192,17 +169,12 @@ def _estimate(choice: Choice, rig: Rig) -> _Estimate:
     if swing is not None:
         swing = with_declared(swing, rig, signals)
         swing = _with(swing, grid_spread(signals, swing, "inertia"))
-    place = place_fits(law, signals, choice.tried.values())
     common = {
         "place of the encoder's grid": grid_spread(signals, law, "inertia"),
-        "timing of the turning points": timing_spread(law, choice.impulse),
-        "drift with the length of the windows": drift_with_length(law, choice.tried, signals),
-        CONFLICT: gravity_conflict(law, rig, signals),
-        PLACE: place_torque(place, law.u),
+        "timing of the turning points": timing_spread(law, evidence.choice.impulse),
+        "drift with the length of the windows": drift_with_length(law, evidence.choice.tried, signals),
     }
-    stability = Stability.of(choice)
-    common |= stability.common(law.u)
-    return _Estimate(law, choice.tried, swing, even, choice.friction, common, turning_rows, place, stability)
+    return _Estimate(evidence, swing, even, common | entries(evidence, law.u, own=True), turning_rows)
 
 
 def _asymmetry(even: WindowFit, law: WindowFit) -> float:
@@ -271,9 +243,14 @@ def _common(estimate: _Estimate) -> list[tuple[Source, str, float]]:
     return [(systematic(source), "inertia", spread) for source, spread in found.items() if spread > least]
 
 
-def _details(estimate: _Estimate, signals: Signals, part: Part) -> Details:
-    law = estimate.law
+def _details(estimate: _Estimate, motor: float | None) -> Details:
+    """What the report draws; motor: what equation (II) leaves."""
+    law, evidence = estimate.law, estimate.evidence
+    signals, part, prediction = evidence.signals, evidence.part, evidence.prediction
     kinds = {"law": law, "swing": estimate.swing, "even": estimate.even}
+    lost = _loss_unexplained(signals, estimate.friction, law.equation)
+    extra = {"held_out_residual": None if prediction is None else prediction.ratio, "motor_balance_residual": motor}
+    extra["loss_unexplained"] = lost
     return Details(
         start=part.start,
         stop=part.stop,
@@ -289,8 +266,9 @@ def _details(estimate: _Estimate, signals: Signals, part: Part) -> Details:
         },
         residual_times=law.rows.windows.centres,
         residuals=law.fit.residuals / (law.rows.windows.half * 32 / 35),
-        changing=tuple(estimate.stability.changing),
-        agreement=estimate.stability.agreement(law.equation.carried),
+        changing=tuple(change for _, change in evidence.slow),
+        agreement=agreement(evidence.parts, law.equation.carried),
+        extra={name: value for name, value in extra.items() if value is not None},
     )
 
 
@@ -306,14 +284,14 @@ def _per_swing(estimate: _Estimate, signals: Signals) -> SwingSeries:
     return SwingSeries.of(rows.windows.centres, sides, values, sensor)
 
 
-def _loss_unexplained(signals: Signals, law: FrictionLaw, b: float) -> float | None:
+def _loss_unexplained(signals: Signals, law: FrictionLaw, equation: Equation) -> float | None:
     """RMS of the lack of fit of the loss per full swing, over the RMS of the loss; None with too few swings.
 
-    At a turning point all energy is potential, b (1 − cos q), so its fall over one full swing is the work of friction
-    ∫F(q1') q1' dt. b: gravity torque in N m.
+    At a turning point of a free decay all energy is potential, b (1 − cos q), so its fall over one full swing is the
+    work of friction ∫F(q1') q1' dt; None without the gravity torque b too.
     """
-    motion = signals.motion
-    if len(motion.turning_times) < 4:
+    motion, b = signals.motion, equation.value("gravity_torque")
+    if equation.drive != "none" or not b or len(motion.turning_times) < 4:
         return None
     potential = b * (1 - np.cos(motion.turning_angles))
     speed, (instants, weights) = signals.speed.ravel(), signals.nodes.flat

@@ -69,7 +69,7 @@ def with_latency(part: Part, memory: str = "auto", signals: Signals | None = Non
     """
     signals = signals or Signals.of(part.log, part.rig, part.motion, part.encoders)
     choice = choose(signals, part.rig, part.equation, part.noise, memory)
-    if not declared_spread(part.encoders, part.rig):
+    if not latency_spread(part.encoders, part.rig):
         return choice, Moved()
 
     def negligible(choice: Choice, late: float, share: float) -> bool:
@@ -99,7 +99,7 @@ def channel_late(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     """Whether the balance shows a latency that the rig file does not declare, and the inertia is biased by it."""
     choice, part = evidence.choice, evidence.part
     rig, equation = part.rig, part.equation
-    if equation.drive == "none" or declared_spread(part.encoders, rig) or not _may_show(choice):
+    if equation.drive == "none" or latency_spread(part.encoders, rig) or not _may_show(choice):
         return None
     channel, name, sensor = late_channel(part.encoders, rig)
     allowed = part.encoders.with_latency(channel, sensor.latency.value, LATEST)
@@ -127,7 +127,7 @@ def late_channel(encoders: Encoders, rig: Rig) -> tuple[Channel, str, Sensor]:
     return "angle", "the angle", encoders.angle
 
 
-def declared_spread(encoders: Encoders, rig: Rig) -> float:
+def latency_spread(encoders: Encoders, rig: Rig) -> float:
     """Declared standard deviation (s) of the latency that the balance depends on; 0 in a free decay."""
     if rig.drive.kind == "none":
         return 0.0

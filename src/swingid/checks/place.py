@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.balance.fits import LAG
-from swingid.balance.systematics import PlaceFit, place_torque
+from swingid.balance.systematics import PlaceFit
 from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.format import percent
 from swingid.model.terms import is_spring
@@ -41,11 +41,6 @@ def place_found(evidence: Evidence, judged: Judged) -> list[Finding] | None:
         f"{percent(found.difference / found.plain.inertia, sign=True)}; remove it, or state {key}."
     )
     return [Finding(found.difference, text)]
-
-
-def place_entry(evidence: Evidence, u: float, own: bool) -> dict[str, float]:
-    """Standard uncertainty by such torques."""
-    return {PLACE: place_torque(evidence.place, u)}
 
 
 def _ratio(one: PlaceFit) -> float:

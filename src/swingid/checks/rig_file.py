@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from swingid.balance.rows import Signals
 from swingid.checks.hypothesis import Evidence, Judged
 from swingid.checks.latency import with_latency
-from swingid.checks.stated import CONFLICT, conflict_entry
+from swingid.checks.stated import CONFLICT, conflict
 from swingid.checks.table import entries, messages_of
 from swingid.errors import UnanswerableError
 from swingid.preparation.prepared import Part, Prepared
@@ -42,11 +42,11 @@ class RigFileCheck:
         except UnanswerableError:
             return None
         evidence = Evidence(choice, part)
-        return cls(evidence, conflict_entry(evidence, choice.law.u, False)[CONFLICT])
+        return cls(evidence, conflict(evidence, choice.law.u))
 
     def conflict_with(self, u: float) -> float:
         """The conflict for an estimate whose standard uncertainty is `u`, which a poorer balance must not widen."""
-        return conflict_entry(self.evidence, u, False)[CONFLICT] if self.conflict else 0.0
+        return conflict(self.evidence, u) if self.conflict else 0.0
 
     def alone(self, inertia: Parameter) -> Parameter:
         """The inertia without the conflict, which is named, and neither makes an estimate hopeless nor hides causes."""

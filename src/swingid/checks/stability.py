@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from swingid.balance.parts import MIRRORED, Comparison, unexplained
+from swingid.balance.parts import MIRRORED, Comparison
 from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.format import number, percent, plus_minus
 from swingid.result.data import Agreement, Changing
@@ -82,9 +82,17 @@ def parts_disagree(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     return [Finding(worst.off, text)]
 
 
-def parts_entry(evidence: Evidence, u: float, own: bool) -> dict[str, float]:
-    """Standard uncertainty by the disagreement of parts."""
-    return {PARTS: unexplained(evidence.parts, u)}
+def impulse_fitted(evidence: Evidence, judged: Judged) -> list[Finding]:
+    """A note on an impulse at each reversal, which is an unknown beside the parameters."""
+    law = evidence.law
+    if "memory" not in law.unknowns:
+        return []
+    unit = f"{law.equation.torque_unit} s"
+    text = (
+        f"an impulse of {plus_minus(law.value('memory'), law.uncertainty('memory'), unit)} at each reversal was "
+        "estimated beside the friction law: dynamic friction, backlash or short sticking."
+    )
+    return [Finding(0.0, text)]
 
 
 def mirrored_differ(evidence: Evidence, judged: Judged) -> list[Finding]:

@@ -129,9 +129,9 @@ def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, ri
     return [Finding(free.a11 - law.a11, text)]
 
 
-def conflict_entry(evidence: Evidence, u: float, own: bool) -> dict[str, float]:
-    """Standard uncertainty by a conflict of the gravity torque with the log."""
-    return {CONFLICT: gravity_conflict(evidence.law, evidence.part.rig, evidence.signals, u)}
+def conflict(evidence: Evidence, u: float) -> float:
+    """Standard uncertainty of the inertia by a conflict of the gravity torque with the log, see `gravity_conflict`."""
+    return gravity_conflict(evidence.law, evidence.part.rig, evidence.signals, u)
 
 
 def _against(ratio: float) -> str:

@@ -9,22 +9,25 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from swingid.balance.parts import unexplained
+from swingid.balance.systematics import place_torque
 from swingid.checks.angle import scale_off, zero_off
 from swingid.checks.closure import balance_open
+from swingid.checks.free_decay import period_of_amplitude
 from swingid.checks.hypothesis import Evidence, Hypothesis, Judged
 from swingid.checks.latency import channel_late
-from swingid.checks.place import PLACE, place_entry, place_found, spring_not_stated
+from swingid.checks.place import PLACE, place_found, spring_not_stated
 from swingid.checks.ran import ran
 from swingid.checks.stability import (
     PARTS,
+    impulse_fitted,
     mirrored_differ,
     not_predicted,
     parts_disagree,
-    parts_entry,
     slow_changes,
     slow_entries,
 )
-from swingid.checks.stated import CONFLICT, conflict_entry, encoders_bent, gravity_off
+from swingid.checks.stated import CONFLICT, conflict, encoders_bent, gravity_off
 from swingid.recording.findings import Kind
 from swingid.result.result import Message
 
@@ -49,17 +52,23 @@ TABLE = (
     Hypothesis("gravity-torque", "gravity-torque-disagrees",
                lambda evidence, judged: gravity_off(evidence.law, evidence.tried, evidence.signals, evidence.part.rig),
                "gravity torque as stated against the log",
-               limit="gravity", unless=ANGLE, kind=Kind.GRAVITY_TORQUE, contradicts=True, entries=conflict_entry),
+               limit="gravity", unless=ANGLE, kind=Kind.GRAVITY_TORQUE, contradicts=True,
+               entries=lambda evidence, u, own: {CONFLICT: conflict(evidence, u)}),
     Hypothesis("encoders", "encoder-nonlinearity", encoders_bent, "encoder nonlinearity as stated against the log",
                limit="balance", own=True, kind=Kind.ENCODER_NONLINEARITY, contradicts=True),
     Hypothesis("place", "place-torque", place_found, "torques that depend on the angle and are not stated",
-               limit="place", unless=ASIDE, contradicts=True, entries=place_entry),
+               limit="place", unless=ASIDE, contradicts=True,
+               entries=lambda evidence, u, own: {PLACE: place_torque(evidence.place, u)}),
     Hypothesis("closure", "balance-open", balance_open, "the balance closes: its residuals are small",
                limit="alone", unless=BIASED, contradicts=True),
     Hypothesis("latency", "late-channel", channel_late, "timing of the channels against each other",
                limit="timing", kind=Kind.LATE_CHANNEL, contradicts=True),
+    Hypothesis("period", "period-disagrees", period_of_amplitude, "period of a free decay against its amplitude",
+               limit="alone", unless=(*BIASED, "balance-open")),
     Hypothesis("parts", "parts-disagree", parts_disagree, "parts of the log agree with one another",
-               limit="alone", unless=(*BIASED, "balance-open", "late-channel", *UNDETERMINED), entries=parts_entry),
+               limit="alone", unless=(*BIASED, "balance-open", "late-channel", *UNDETERMINED),
+               entries=lambda evidence, u, own: {PARTS: unexplained(evidence.parts, u)}),
+    Hypothesis("", "reversal-impulse", impulse_fitted, own=True, note=True),
     Hypothesis("stability", "friction-changes", slow_changes("friction"),
                "friction and zero of the angle do not change within the log",
                limit="alone", note=True, entries=slow_entries),

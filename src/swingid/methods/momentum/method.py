@@ -30,14 +30,13 @@ from swingid.balance.systematics import (
 )
 from swingid.balance.windows import even_windows, swing_windows
 from swingid.checks.answer import check_answer, check_motor, check_sign, free_reading
+from swingid.checks.free_decay import loss_unexplained
 from swingid.checks.hypothesis import Evidence, Judged
 from swingid.checks.level import chosen_at_level
 from swingid.checks.stability import agreement
 from swingid.checks.table import NAMED, entries, messages_of
 from swingid.errors import NotIdentifiableError, UnanswerableError, UsageError
-from swingid.format import plus_minus
 from swingid.methods.momentum.together import momentum_together
-from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array
@@ -46,7 +45,7 @@ from swingid.preparation.prepared import Prepared
 from swingid.recording.findings import Kind
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Details, Message, Result, SwingSeries
-from swingid.uncertainty.budget import Evaluated, Parameter, Scatter, Source, evaluate, joined, systematic
+from swingid.uncertainty.budget import Evaluated, Parameter, Scatter, evaluate, joined, systematic
 from swingid.uncertainty.freedom import bartlett, scatter_freedom
 
 NEGLIGIBLE = 1e-3
@@ -55,14 +54,13 @@ NEGLIGIBLE = 1e-3
 
 @dataclass(frozen=True)
 class _Estimate:
-    """The balance of one log with its chosen law windows, fits on the other kinds of windows.
+    """The balance of one log with its chosen law windows; fits on other kinds of windows by name.
 
     common: errors that the scatter of the rows does not contain, by source.
     """
 
     evidence: Evidence
-    swing: WindowFit | None
-    even: WindowFit | None
+    others: dict[str, WindowFit]
     common: dict[str, float]
     turning_rows: Rows
 
@@ -70,11 +68,6 @@ class _Estimate:
     def law(self) -> WindowFit:
         """The fit on law windows."""
         return self.evidence.law
-
-    @property
-    def friction(self) -> FrictionLaw:
-        """Law and curve of the friction."""
-        return self.evidence.choice.friction
 
 
 def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
@@ -128,7 +121,7 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
         replace(found, sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0])),
         part,
         [*warnings, *off, *moved.warnings, *motor.warnings],
-        [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes(), *moved.notes, *_impulse(law), *assumed],
+        [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes(), *moved.notes, *assumed],
         _details(estimate, None if balance is None else balance.as_stated),
         {} if memory == "auto" else {"memory": memory},
         found=moved.corrections,
@@ -136,45 +129,35 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     )
 
 
-def _impulse(law: WindowFit) -> list[Message]:
-    """The note on an impulse at each reversal, which is an unknown beside the parameters."""
-    if "memory" not in law.unknowns:
-        return []
-    unit = f"{law.equation.torque_unit} s"
-    text = (
-        f"an impulse of {plus_minus(law.value('memory'), law.uncertainty('memory'), unit)} at each reversal was "
-        "estimated beside the friction law: dynamic friction, backlash or short sticking."
-    )
-    return [Message("reversal-impulse", text)]
-
-
 def _covariance(law: WindowFit) -> dict[str, dict[str, float]]:
     """Type A covariance of inertia and gravity torque, which are correlated at one frequency."""
-    names = ("inertia", "gravity_torque")
-    at = [law.unknowns.index(name) for name in names]
-    return {
-        one: {other: float(law.covariance[i, j]) for other, j in zip(names, at, strict=True)}
-        for one, i in zip(names, at, strict=True)
-    }
+    at = {name: law.unknowns.index(name) for name in ("inertia", "gravity_torque")}
+    return {one: {other: float(law.covariance[i, j]) for other, j in at.items()} for one, i in at.items()}
 
 
 def _estimate(evidence: Evidence) -> _Estimate:
-    law, signals, rig = evidence.law, evidence.signals, evidence.part.rig
-    swing = fit_rows(rows_of(signals, swing_windows(signals)), law.equation, law.noise, BASIS)
+    law, signals = evidence.law, evidence.signals
     turning_rows = rows_of(signals, even_windows(signals, signals.motion.half_period / 2))
-    even = fit_rows(turning_rows, law.equation, law.noise, ("offset",))
-    if even is not None:
-        even = with_declared(even, rig, signals)
-        even = _with(even, _asymmetry(even, law), grid_spread(signals, even, "inertia"))
-    if swing is not None:
-        swing = with_declared(swing, rig, signals)
-        swing = _with(swing, grid_spread(signals, swing, "inertia"))
+    kinds = {
+        "swing": fit_rows(rows_of(signals, swing_windows(signals)), law.equation, law.noise, BASIS),
+        "even": fit_rows(turning_rows, law.equation, law.noise, ("offset",)),
+    }
+    others = {}
+    for name, one in kinds.items():
+        if one is not None:
+            fit = with_declared(one, evidence.part.rig, signals)
+            covariance = fit.covariance.copy()
+            covariance[0, 0] += grid_spread(signals, fit, "inertia") ** 2
+            covariance[0, 0] += _asymmetry(fit, law) ** 2 if name == "even" else 0.0
+            others[name] = replace(fit, covariance=covariance)
     common = {
         "place of the encoder's grid": grid_spread(signals, law, "inertia"),
         "timing of the turning points": timing_spread(law, evidence.choice.impulse),
         "drift with the length of the windows": drift_with_length(law, evidence.choice.tried, signals),
     }
-    return _Estimate(evidence, swing, even, common | entries(evidence, law.u, own=True), turning_rows)
+    common |= entries(evidence, law.u, own=True)
+    common |= {f'disagreement of "{name}" windows': disagreement(law, other) for name, other in others.items()}
+    return _Estimate(evidence, others, common, turning_rows)
 
 
 def _asymmetry(even: WindowFit, law: WindowFit) -> float:
@@ -184,16 +167,9 @@ def _asymmetry(even: WindowFit, law: WindowFit) -> float:
     return float(even.fit.influence[0] @ even.rows.sum_of(odd))
 
 
-def _with(fit: WindowFit, *more: float) -> WindowFit:
-    """The fit with further standard uncertainties of a11."""
-    covariance = fit.covariance.copy()
-    covariance[0, 0] += sum(extra**2 for extra in more)
-    return replace(fit, covariance=covariance)
-
-
 def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     """Parameters with their budget: type A of both fits, errors beyond the scatter, what rig.toml declares."""
-    law, friction, equation = estimate.law, estimate.friction, estimate.law.equation
+    law, friction, equation = estimate.law, estimate.evidence.choice.friction, estimate.law.equation
     values = {"inertia": (law.inertia, equation.unit)}
     units = units_on(linear=equation.linear)
     values |= {name: (law.value(name), units[name]) for name in equation.sought[1:]}
@@ -212,7 +188,9 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
             of_friction -= [power_of(name) * values[name][0] for name in weights]
         declared.append(item.on(np.concatenate([of_body, of_friction])))
     scattered = _scatter(law, friction, body, own, signals)
-    return evaluate(values, scattered, _common(estimate), declared, relative=rig.axis.model_uncertainty)
+    least = NEGLIGIBLE * law.u
+    common = [(systematic(source), "inertia", spread) for source, spread in estimate.common.items() if spread > least]
+    return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)
 
 
 def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array, signals: Signals) -> Scatter:
@@ -233,24 +211,15 @@ def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array,
     return Scatter("scatter of the windows and sensor noise", matrix, np.array([*[law.freedom] * len(body), *freedom]))
 
 
-def _common(estimate: _Estimate) -> list[tuple[Source, str, float]]:
-    """Errors of the inertia that the scatter does not contain, and disagreement of the kinds of windows."""
-    found = estimate.common | {
-        f'disagreement of "{name}" windows': disagreement(estimate.law, other)
-        for name, other in (("swing", estimate.swing), ("even", estimate.even))
-    }
-    least = NEGLIGIBLE * estimate.law.u
-    return [(systematic(source), "inertia", spread) for source, spread in found.items() if spread > least]
-
-
 def _details(estimate: _Estimate, motor: float | None) -> Details:
     """What the report draws; motor: what equation (II) leaves."""
     law, evidence = estimate.law, estimate.evidence
     signals, part, prediction = evidence.signals, evidence.part, evidence.prediction
-    kinds = {"law": law, "swing": estimate.swing, "even": estimate.even}
-    lost = _loss_unexplained(signals, estimate.friction, law.equation)
-    extra = {"held_out_residual": None if prediction is None else prediction.ratio, "motor_balance_residual": motor}
-    extra["loss_unexplained"] = lost
+    extra = {
+        "held_out_residual": None if prediction is None else prediction.ratio,
+        "motor_balance_residual": motor,
+        "loss_unexplained": loss_unexplained(evidence),
+    }
     return Details(
         start=part.start,
         stop=part.stop,
@@ -258,11 +227,11 @@ def _details(estimate: _Estimate, motor: float | None) -> Details:
         turning_angles=signals.motion.turning_angles,
         window=law.half,
         swings=_per_swing(estimate, signals),
-        friction=estimate.friction.curve,
+        friction=evidence.choice.friction.curve,
         estimates={
             name: (fit.inertia, fit.u)
-            for name, fit in kinds.items()
-            if fit is not None and fit.u < COMPARED * abs(law.a11)
+            for name, fit in ({"law": law} | estimate.others).items()
+            if fit.u < COMPARED * abs(law.a11)
         },
         residual_times=law.rows.windows.centres,
         residuals=law.fit.residuals / (law.rows.windows.half * 32 / 35),
@@ -282,20 +251,3 @@ def _per_swing(estimate: _Estimate, signals: Signals) -> SwingSeries:
     sensor = np.sqrt(CURVATURE_POWER * power * noise.step / rows.windows.half**3) / np.abs(rows["inertia"])
     sides = signals.motion.sides[np.searchsorted(signals.motion.turning_times, rows.windows.centres)]
     return SwingSeries.of(rows.windows.centres, sides, values, sensor)
-
-
-def _loss_unexplained(signals: Signals, law: FrictionLaw, equation: Equation) -> float | None:
-    """RMS of the lack of fit of the loss per full swing, over the RMS of the loss; None with too few swings.
-
-    At a turning point of a free decay all energy is potential, b (1 − cos q), so its fall over one full swing is the
-    work of friction ∫F(q1') q1' dt; None without the gravity torque b too.
-    """
-    motion, b = signals.motion, equation.value("gravity_torque")
-    if equation.drive != "none" or not b or len(motion.turning_times) < 4:
-        return None
-    potential = b * (1 - np.cos(motion.turning_angles))
-    speed, (instants, weights) = signals.speed.ravel(), signals.nodes.flat
-    work = np.interp(motion.turning_times, instants, np.cumsum(law.torque(speed) * speed * weights))
-    lost = potential[:-2] - potential[2:]
-    left = lost - (work[2:] - work[:-2])
-    return float(np.sqrt(np.mean(left**2) / np.mean(lost**2)))

@@ -64,11 +64,6 @@ class _Estimate:
     common: dict[str, float]
     turning_rows: Rows
 
-    @property
-    def law(self) -> WindowFit:
-        """The fit on law windows."""
-        return self.evidence.law
-
 
 def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     """Identify inertia, friction and, where it is "unknown", the gravity torque from the angles of a log.
@@ -169,7 +164,8 @@ def _asymmetry(even: WindowFit, law: WindowFit) -> float:
 
 def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     """Parameters with their budget: type A of both fits, errors beyond the scatter, what rig.toml declares."""
-    law, friction, equation = estimate.law, estimate.evidence.choice.friction, estimate.law.equation
+    law, friction = estimate.evidence.law, estimate.evidence.choice.friction
+    equation = law.equation
     values = {"inertia": (law.inertia, equation.unit)}
     units = units_on(linear=equation.linear)
     values |= {name: (law.value(name), units[name]) for name in equation.sought[1:]}
@@ -213,8 +209,8 @@ def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array,
 
 def _details(estimate: _Estimate, motor: float | None) -> Details:
     """What the report draws; motor: what equation (II) leaves."""
-    law, evidence = estimate.law, estimate.evidence
-    signals, part, prediction = evidence.signals, evidence.part, evidence.prediction
+    evidence = estimate.evidence
+    law, signals, part, prediction = evidence.law, evidence.signals, evidence.part, evidence.prediction
     extra = {
         "held_out_residual": None if prediction is None else prediction.ratio,
         "motor_balance_residual": motor,
@@ -243,7 +239,7 @@ def _details(estimate: _Estimate, motor: float | None) -> Details:
 
 def _per_swing(estimate: _Estimate, signals: Signals) -> SwingSeries:
     """One inertia per turning point: its even window, less the fitted friction."""
-    law, rows = estimate.law, estimate.turning_rows
+    law, rows = estimate.evidence.law, estimate.turning_rows
     equation, noise = law.equation, law.noise
     others = {name: law.value(name) for name in law.unknowns[1:] if name in rows.columns}
     values = (known_side(rows, equation) - rows.sum_of(others)) / rows["inertia"] - equation.carried

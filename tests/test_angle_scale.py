@@ -11,7 +11,8 @@ import pytest
 from closed_form_logs import INERTIA, TWO_TONES, direct_log, direct_rig, exact_rig, free_log, free_rig, wheel_log
 from swingid.balance.choice import choose
 from swingid.balance.rows import Signals
-from swingid.checks.angle_scale import check_angle_scale, scale_at, search_scale
+from swingid.checks.angle import scale_at, scale_off, search_scale
+from swingid.checks.hypothesis import Evidence, Judged
 from swingid.errors import UnanswerableError
 from swingid.identification import identify
 from swingid.numerics.gauss_newton import solve
@@ -113,7 +114,8 @@ def test_a_wrong_scale_of_drive_or_gravity_is_no_scale_of_the_angle(logs):
 def test_small_swings_determine_no_scale():
     small = with_noise(free_log(lambda v: 5e-4 * v, TIME, initial_angle=0.03))
     choice = fits_of(small, free_rig())
-    assert check_angle_scale(choice.law, choice.tried.values(), choice.signals, choice.law.total) == []
+    judged = Judged(choice.law.inertia, choice.law.a11, {"angle": choice.law.total})
+    assert not scale_off(Evidence(choice, prepare(small, free_rig()).part()), judged)
 
 
 def test_magnets_that_a_scale_does_not_describe_are_none(logs):

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 import swingid as sw
-from swingid.checks.ran import CHECKS, in_order, ran, recorded
+from swingid.checks.ran import ran, recorded
+from swingid.checks.table import CHECKS, TABLE, in_order
 from swingid.methods.table import METHODS
 
 SOURCES = [path.read_text(encoding="utf-8") for path in Path(sw.__file__).parent.rglob("*.py")]
@@ -27,7 +28,8 @@ def test_checks_are_recorded_inside_the_block_alone() -> None:
 
 @pytest.mark.parametrize("name", CHECKS)
 def test_every_check_is_marked_and_its_codes_exist(name: str) -> None:
-    assert sum(len(re.findall(rf'\bran\("{name}"\)', text)) for text in SOURCES) == 1
+    in_table = any(one.check == name for one in TABLE)
+    assert sum(len(re.findall(rf'\bran\("{name}"\)', text)) for text in SOURCES) == (0 if in_table else 1)
     for code in CHECKS[name].codes:
         assert any(f'"{code}"' in text for text in SOURCES), code
 

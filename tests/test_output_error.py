@@ -20,7 +20,7 @@ from closed_form_logs import (
     wheel_log,
 )
 from swingid.balance.rows import moved
-from swingid.checks.rig_file import CONFLICT
+from swingid.checks.stated import CONFLICT
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError

@@ -21,14 +21,12 @@ from swingid.numerics.regression import fit_linear
 from swingid.preparation.noise import Noise
 from swingid.recording.findings import Kind
 from swingid.result.result import BudgetEntry, Message, Parameter
+from swingid.uncertainty.budget import combined
 from swingid.uncertainty.significance import INDICATED, MATTERS
 from swingid.units import Quantity
 
 CLEARLY = 0.5
 """Ratio of residuals below which one reading of a channel fits clearly better than another."""
-
-LEAST = 1e-4
-"""Share of a11 below which a change is not worth a warning: without noise, rounding is significant."""
 
 BAD_MOTOR = 0.1
 """Relative residual of equation (II) above which motor constants or wheel angle are inconsistent with the log."""
@@ -162,32 +160,24 @@ def check_answer(
         raise NotIdentifiableError(_hopeless(inertia, relative, law, motion))
     warnings: list[Message] = []
     notes: list[Message] = []
-    if len(equation.sought) > 1 and _share(budget, inertia) > 0.02:
+    scattered = combined([entry for entry in budget if entry.type == "A"], "inertia")
+    if len(equation.sought) > 1 and scattered > 0.02 * inertia.value:
         text = f"{seen.combination(law.values)}; {advice(seen, *motion)}."
         warnings.append(Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA))
-    near_resonance = False
-    if equation.drive != "none" and equation.value("gravity_torque"):
-        leverage = (
-            abs(float(law.fit.influence[0] @ law.rows["gravity_torque"]))
-            * abs(equation.value("gravity_torque"))
-            / law.a11
-        )
+    near_resonance, b = False, equation.value("gravity_torque")
+    if equation.drive != "none" and b:
+        leverage = abs(float(law.fit.influence[0] @ law.rows["gravity_torque"]) * b) / law.a11
         near_resonance = leverage > 0.8
         if near_resonance:
             gravity = rig.axis.gravity_torque
             budgeted = isinstance(gravity, Quantity) and gravity.std is not None
-            text = _near_resonance(leverage, amplitude, equation.value("gravity_torque") / law.a11, budgeted=budgeted)
+            text = _near_resonance(leverage, amplitude, b / law.a11, budgeted=budgeted)
             (notes if budgeted else warnings).append(Message("near-resonance", text))
     if equation.drive == "none":
         notes.append(scale_note(rig))
     rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
     text = f"{rank}; {seen.combination(law.values)}, and {seen.price}."
     return AnswerCheck(warnings, notes, Message("identifiability", text), near_resonance)
-
-
-def _share(budget: list[BudgetEntry], inertia: Parameter) -> float:
-    spread = sum(e.standard_uncertainty**2 for e in budget if e.parameter == "inertia" and e.type == "A")
-    return float(np.sqrt(spread)) / inertia.value
 
 
 def identifiability_of(law: WindowFit) -> Identifiability:
@@ -397,13 +387,9 @@ def _reading(balance: MotorBalance) -> str | None:
 
 
 def _residuals(balance: MotorBalance) -> str:
-    text = (
-        f"the residual of the motor's balance is {left(balance.as_stated)} with it and {left(balance.otherwise)} with "
-        "the other reading"
-    )
+    own, other = left(balance.as_stated), left(balance.otherwise)
+    text = f"the residual of the motor's balance is {own} with it and {other} with the other reading"
     if balance.refitted is None or balance.refitted_otherwise is None:
         return text
-    return (
-        f"{text}, {left(balance.refitted)} and {left(balance.refitted_otherwise)} with the motor's strength and "
-        "friction fitted"
-    )
+    own, other = left(balance.refitted), left(balance.refitted_otherwise)
+    return f"{text}, {own} and {other} with the motor's strength and friction fitted"

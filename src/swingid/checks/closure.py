@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from swingid.balance.fits import WindowFit
-from swingid.checks.ran import ran
+from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.errors import UnanswerableError
 from swingid.format import percent
 from swingid.numerics.test_functions import CURVATURE_POWER
-from swingid.result.result import Message
 
 CLOSES = 0.2
 """Share of the term of the inertia, or of a larger one of gravity, that the balance may leave.
@@ -32,13 +33,12 @@ def share_left(law: WindowFit) -> float:
     return float(np.sqrt(left)) / max(*(float(np.std(term)) for term in terms), 1e-300)
 
 
-def check_closure(law: WindowFit) -> list[Message]:
-    """A warning where the balance does not close, so that log and rig file do not belong together.
+def balance_open(evidence: Evidence, judged: Judged) -> list[Finding]:
+    """Whether the balance does not close, so that log and rig file do not belong together.
 
     Raises UnanswerableError where it leaves more than `OPEN`.
     """
-    ran("closure")
-    left = share_left(law)
+    left = share_left(evidence.law)
     if left <= CLOSES:
         return []
     text = (
@@ -48,4 +48,4 @@ def check_closure(law: WindowFit) -> list[Message]:
     )
     if left > OPEN:
         raise UnanswerableError(text, code="balance-open")
-    return [Message("balance-open", text)]
+    return [Finding(math.inf, text)]

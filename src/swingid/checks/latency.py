@@ -7,7 +7,8 @@ which first order suffices. A latency that is not declared is found in the same 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,14 +18,13 @@ from swingid.balance.errors import errors_of, late_error
 from swingid.balance.fits import LAG, WindowFit, fit_with_prior, residuals_beside, sensor_variance
 from swingid.balance.perturbations import RowError
 from swingid.balance.rows import Signals
-from swingid.checks.ran import ran
+from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.format import percent, plus_minus
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import Sensor
 from swingid.numerics.regression import LinearFit
-from swingid.preparation.encoders import Channel, Correction
+from swingid.preparation.encoders import Channel, Correction, Encoders
 from swingid.preparation.prepared import Part
-from swingid.recording.findings import Kind
 from swingid.result.result import Message
 from swingid.uncertainty.significance import BETTER, CERTAIN, MATTERS
 
@@ -67,20 +67,16 @@ def with_latency(part: Part, memory: str = "auto", signals: Signals | None = Non
     memory: as `balance.choice.MEMORY`; signals: of the part, where they are known. Where none is found, the uncertainty
     that remains is of first order; a warning where its square matters as well.
     """
-    first = (
-        _chosen(part, 0.0, memory) if signals is None else choose(signals, part.rig, part.equation, part.noise, memory)
-    )
-    choice, moved, result = first, 0.0, Moved()
-    if not _declared_spread(part):
-        return choice, result
-    found = latency_of(choice.law, choice.signals, part.rig)
-    for _ in range(STEPS):
-        if _second_order(choice.signals, found.value) < SMALL * choice.law.total / abs(choice.law.a11):
-            break
-        moved += found.value
-        choice = _chosen(part, moved, memory)
-        found = latency_of(choice.law, choice.signals, part.rig)
-    channel, name, _ = _late_channel(part)
+    signals = signals or Signals.of(part.log, part.rig, part.motion, part.encoders)
+    choice = choose(signals, part.rig, part.equation, part.noise, memory)
+    if not latency_spread(part.encoders, part.rig):
+        return choice, Moved()
+
+    def negligible(choice: Choice, late: float, share: float) -> bool:
+        return _second_order(choice.signals, late) < share * choice.law.total / abs(choice.law.a11)
+
+    choice, found, moved = _corrected(choice, part, memory, lambda now, late: negligible(now, late, SMALL))
+    result, (channel, name, _) = Moved(), late_channel(part.encoders, part.rig)
     if moved:
         text = (
             f"by the balance, {name} is read {plus_minus(1e3 * (moved + found.value), 1e3 * found.u, 'ms')} later than "
@@ -88,10 +84,10 @@ def with_latency(part: Part, memory: str = "auto", signals: Signals | None = Non
         )
         corrections = (Correction(channel, "latency", moved, found.u, "s", "found"),)
         result = Moved(corrections, [Message("latency-told", text)])
-    left = _second_order(choice.signals, found.u)
-    if left > choice.law.total / abs(choice.law.a11):
+    if not negligible(choice, found.u, 1.0):
         text = (
-            f"the log determines the latency to within {1e3 * found.u:.2g} ms only; its square, {percent(left)} of the "
+            f"the log determines the latency to within {1e3 * found.u:.2g} ms only; its square, "
+            f"{percent(_second_order(choice.signals, found.u))} of the "
             "inertia, is not in the uncertainty: measure the latency, or record two motions of different frequency and "
             "calibrate it."
         )
@@ -99,29 +95,21 @@ def with_latency(part: Part, memory: str = "auto", signals: Signals | None = Non
     return choice, result
 
 
-def check_latency(choice: Choice, part: Part, uncertainty: float, memory: str = "auto") -> list[Message]:
-    """A warning where the balance shows a latency that the rig file does not declare, and the inertia is biased by it.
-
-    uncertainty: the inertia's, with all declared imperfections and without the lack of fit by the latency.
-    """
+def channel_late(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+    """Whether the balance shows a latency that the rig file does not declare, and the inertia is biased by it."""
+    choice, part = evidence.choice, evidence.part
     rig, equation = part.rig, part.equation
-    if equation.drive == "none" or _declared_spread(part) or not _may_show(choice, rig):
-        return []
-    ran("latency")
-    channel, name, sensor = _late_channel(part)
+    if equation.drive == "none" or latency_spread(part.encoders, rig) or not _may_show(choice):
+        return None
+    channel, name, sensor = late_channel(part.encoders, rig)
     allowed = part.encoders.with_latency(channel, sensor.latency.value, LATEST)
-    best, moved = choice, 0.0
-    for _ in range(STEPS):
-        moved += latency_of(best.law, best.signals.declaring(allowed), rig).value
-        best = _chosen(part, moved, memory)
-    law, signals = best.law, best.signals.declaring(allowed)
-    found = latency_of(law, signals, rig)
+    best, found, moved = _corrected(choice, part, evidence.memory, lambda *_: False, allowed)
+    law = best.law
     moved += found.value
-    u = float(np.hypot(found.u, _scatter(best.tried.values(), signals, rig)))
-    if abs(moved) < CERTAIN * u:
-        return []
+    u = float(np.hypot(found.u, _scatter(best.tried.values(), best.signals.declaring(allowed), rig)))
     # the lack of fit by a latency widens the interval as well, which would then contain its effect
-    if abs(law.a11 - choice.law.a11) < MATTERS * min(uncertainty, law.u):
+    least = MATTERS * min(judged.limits["timing"], law.u)
+    if abs(moved) < CERTAIN * u or abs(law.a11 - choice.law.a11) < least:
         return []
     key = "sensors.wheel.latency" if channel == "wheel" else "sensors.latency"
     text = (
@@ -129,31 +117,52 @@ def check_latency(choice: Choice, part: Part, uncertainty: float, memory: str = 
         f"the inertia would be {plus_minus(law.inertia, None, equation.unit)}. State "
         f'{key} = "{1e3 * (sensor.latency.value + moved):.3g} ± {1e3 * u:.2g} ms", or calibrate the encoders.'
     )
-    return [Message("late-channel", text, Kind.LATE_CHANNEL)]
+    return [Finding(math.inf, text)]
 
 
-def _late_channel(part: Part) -> tuple[Channel, str, Sensor]:
+def late_channel(encoders: Encoders, rig: Rig) -> tuple[Channel, str, Sensor]:
     """The channel that is corrected, its name in messages and its encoder: the wheel, or the angle for a torque."""
-    if part.rig.drive.kind == "reaction-wheel":
-        return "wheel", "the wheel angle", part.encoders.wheel
-    return "angle", "the angle", part.encoders.angle
+    if rig.drive.kind == "reaction-wheel":
+        return "wheel", "the wheel angle", encoders.wheel
+    return "angle", "the angle", encoders.angle
 
 
-def _declared_spread(part: Part) -> float:
+def latency_spread(encoders: Encoders, rig: Rig) -> float:
     """Declared standard deviation (s) of the latency that the balance depends on; 0 in a free decay."""
-    if part.rig.drive.kind == "none":
+    if rig.drive.kind == "none":
         return 0.0
-    stds = [part.encoders.angle.latency.std or 0.0]
-    if part.rig.drive.kind == "reaction-wheel":
-        stds.append(part.encoders.wheel.latency.std or 0.0)
-    return float(np.hypot.reduce(stds))
+    channels = [encoders.angle, *([encoders.wheel] if rig.drive.kind == "reaction-wheel" else [])]
+    return float(np.hypot.reduce([channel.latency.std or 0.0 for channel in channels]))
 
 
-def _chosen(part: Part, moved: float, memory: str) -> Choice:
-    """The choice with the late channel corrected by `moved` (s) beyond what the rig file states."""
-    channel, _, sensor = _late_channel(part)
-    encoders = part.encoders.with_latency(channel, sensor.latency.value + moved, sensor.latency.std)
-    return choose(Signals.of(part.log, part.rig, part.motion, encoders), part.rig, part.equation, part.noise, memory)
+def _corrected(
+    choice: Choice,
+    part: Part,
+    memory: str,
+    enough: Callable[[Choice, float], bool],
+    declared: Encoders | None = None,
+) -> tuple[Choice, Latency, float]:
+    """The choice with the late channel corrected beyond what the rig file states until it is `enough`.
+
+    Also the latency that is left, and what was corrected (s). declared: encoders whose priors are taken, if not those
+    of the part.
+    """
+    channel, _, sensor = late_channel(part.encoders, part.rig)
+
+    def left() -> Latency:
+        signals = choice.signals if declared is None else choice.signals.declaring(declared)
+        return latency_of(choice.law, signals, part.rig)
+
+    moved, found = 0.0, left()
+    for _ in range(STEPS):
+        if enough(choice, found.value):
+            break
+        moved += found.value
+        encoders = part.encoders.with_latency(channel, sensor.latency.value + moved, sensor.latency.std)
+        signals = Signals.of(part.log, part.rig, part.motion, encoders)
+        choice = choose(signals, part.rig, part.equation, part.noise, memory)
+        found = left()
+    return choice, found, moved
 
 
 def latency_of(law: WindowFit, signals: Signals, rig: Rig) -> Latency:
@@ -190,7 +199,7 @@ def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig) -> float:
     return float(np.std(values)) if len(values) > 1 else 0.0
 
 
-def _may_show(choice: Choice, rig: Rig) -> bool:
+def _may_show(choice: Choice) -> bool:
     """Whether one column more, without a prior, reduces the residuals enough: quick, and a necessary condition."""
     law = choice.law
     late = late_error(law.rows, choice.signals, law.coefficients)

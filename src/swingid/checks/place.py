@@ -7,48 +7,40 @@ difference counts for every method.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
-from swingid.balance.fits import LAG, WindowFit
-from swingid.balance.rows import Signals
+from swingid.balance.fits import LAG
 from swingid.balance.systematics import PlaceFit
-from swingid.checks.answer import LEAST
-from swingid.checks.ran import ran
+from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.format import percent
 from swingid.model.terms import is_spring
-from swingid.result.result import Message
-from swingid.uncertainty.significance import BETTER, CERTAIN_RATIO, DETECTED, MATTERS
+from swingid.uncertainty.significance import BETTER, CERTAIN_RATIO, DETECTED
 
 PLACE = "torque that depends on the angle"
 """Source of `place_torque` in the budget."""
 
 
-def check_place(law: WindowFit, fits: Iterable[PlaceFit], total: float) -> list[Message]:
-    """A warning where a torque that depends on the angle, which no term of the rig has, biases the inertia.
+def place_found(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+    """Whether a torque that depends on the angle, which no term of the rig has, biases the inertia.
 
-    total: standard uncertainty of the inertia without such torques. Not where gravity is unknown as well, which at one
-    frequency takes the part of a spring.
+    Not where gravity is unknown as well, which at one frequency takes the part of a spring.
     """
-    if law.equation.seeks("gravity_torque"):
-        return []
-    ran("place")
+    if evidence.law.equation.seeks("gravity_torque"):
+        return None
     sharpest: dict[str, PlaceFit] = {}
-    for one in fits:  # what windows that distinguish it better do not show is lack of fit of the friction
+    for one in evidence.place:  # what windows that distinguish it better do not show is lack of fit of the friction
         if one.kind not in sharpest or one.variance < sharpest[one.kind].variance:
             sharpest[one.kind] = one
-    certain = (one for one in sharpest.values() if _is_certain(one, total))
-    found = max(certain, key=lambda one: abs(one.difference), default=None)
+    found = max(filter(_is_certain, sharpest.values()), key=lambda one: abs(one.difference), default=None)
     if found is None:
         return []
-    key = "axis.stiffness" if law.equation.linear else "axis.stiffness or axis.cogging"
+    key = "axis.stiffness" if evidence.law.equation.linear else "axis.stiffness or axis.cogging"
     text = (
         "a torque that depends on the angle, as of a cable, a spring or magnets, would reduce the residuals of the "
         f"balance to {_ratio(found):.0%} and change the inertia by as much as "
         f"{percent(found.difference / found.plain.inertia, sign=True)}; remove it, or state {key}."
     )
-    return [Message("place-torque", text)]
+    return [Finding(found.difference, text)]
 
 
 def _ratio(one: PlaceFit) -> float:
@@ -56,38 +48,34 @@ def _ratio(one: PlaceFit) -> float:
     return float(np.sqrt(np.mean(one.more.fit.residuals**2) / np.mean(one.plain.fit.residuals**2)))
 
 
-def _is_certain(one: PlaceFit, total: float) -> bool:
-    """Whether the torque explains the residuals, and changes the inertia beyond its standard uncertainty `total`."""
+def _is_certain(one: PlaceFit) -> bool:
+    """Whether the torque explains the residuals, and its change of the inertia is significant."""
     extra, ratio = len(one.more.declared) - len(one.plain.declared), _ratio(one)
     freedom = len(one.more.rows.windows) / (LAG / 2) - len(one.more.unknowns) - extra
     if not 0 < ratio < BETTER or (ratio**-2 - 1) * freedom / extra < CERTAIN_RATIO:
         return False
-    least = max(MATTERS * total, LEAST * abs(one.plain.a11), DETECTED * one.variance**0.5)
-    return bool(abs(one.difference) >= least)
+    return bool(abs(one.difference) >= DETECTED * one.variance**0.5)
 
 
-def spring_note(law: WindowFit, fits: Iterable[PlaceFit], signals: Signals, total: float) -> list[Message]:
+def spring_not_stated(evidence: Evidence, judged: Judged) -> list[Finding]:
     """A note where a spring is not stated, and this motion does not distinguish it from inertia and gravity.
 
-    That is where its posterior adds more than the standard uncertainty `total` to the inertia. Rotary axes only.
+    That is where its posterior adds more than the standard uncertainty to the inertia. Rotary axes only.
     """
-    springs = [one for one in fits if one.kind == "spring"]
+    signals, equation = evidence.signals, evidence.law.equation
+    springs = [one for one in evidence.place if one.kind == "spring"]
     found = min(springs, key=lambda one: one.variance, default=None)
     stated = any(is_spring(term.term) for term in signals.further)
-    if found is None or stated or signals.linear or law.equation.seeks("gravity_torque"):
+    if found is None or stated or signals.linear or equation.seeks("gravity_torque"):
         return []
     spring = found.more.declared[-1]
-    if abs(float(spring.shifts[0])) <= total:
+    if abs(float(spring.shifts[0])) <= judged.limits["alone"]:
         return []
-    effect = (
-        float(found.plain.fit.influence[0] @ spring.item.rows)
-        * 0.01
-        * abs(law.equation.value("gravity_torque"))
-        / law.inertia
-    )
+    effect = float(found.plain.fit.influence[0] @ spring.item.rows) * 0.01 * abs(equation.value("gravity_torque"))
     text = (
         "axis.stiffness is not stated, so no spring (cable, band) is assumed to act; this motion does not distinguish "
-        f"one from inertia and gravity: 1 % of the gravity torque per rad is an error of {percent(effect, sign=True)}; "
-        'state axis.stiffness = "0 ± x" (N m/rad) where one may act.'
+        "one from inertia and gravity: 1 % of the gravity torque per rad is an error of "
+        f'{percent(effect / evidence.law.inertia, sign=True)}; state axis.stiffness = "0 ± x" (N m/rad) where one may '
+        "act."
     )
-    return [Message("spring-not-stated", text)]
+    return [Finding(0.0, text)]

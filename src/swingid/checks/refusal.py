@@ -4,22 +4,11 @@ from __future__ import annotations
 
 from swingid.balance.identifiability import HOPELESS
 from swingid.checks.rig_file import RigFileCheck
+from swingid.checks.table import CONTRADICTIONS
 from swingid.errors import UnanswerableError
 from swingid.format import percent
 from swingid.preparation.prepared import Prepared
 from swingid.result.result import Parameter, Result
-
-CONTRADICTIONS = (
-    "zero-off",
-    "angle-scale",
-    "gravity-torque-disagrees",
-    "encoder-nonlinearity",
-    "place-torque",
-    "late-channel",
-    "balance-open",
-)
-"""Codes of what a log contradicts in its rig file, each with an entry of the budget that holds the disagreement."""
-
 
 UNDETERMINED = ("not-identifiable", "poor-fit")
 """Codes of refusals of which a contradiction may be the cause."""
@@ -32,7 +21,7 @@ def explained(error: UnanswerableError, prepared: Prepared) -> UnanswerableError
     check = RigFileCheck.of(prepared)
     if check is None:
         return error
-    law = check.choice.law
+    law = check.evidence.law
     found = check.warnings(Parameter.of(law.inertia, law.total, law.equation.unit))
     causes = [one.message for one in found if one.code in CONTRADICTIONS]
     return contradiction(causes[0], "is not determined") if causes else error

@@ -5,19 +5,15 @@ Both follow from the balance of momentum, whatever a method computes of the same
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from swingid.balance.choice import Choice
-from swingid.balance.parts import MIRRORED, Comparison, Prediction, compared, divisible, predicted, unexplained
-from swingid.balance.slow import SlowEffect, change_over_time, slow_effects
-from swingid.checks.answer import LEAST
-from swingid.checks.ran import ran
+from swingid.balance.parts import MIRRORED, Comparison
+from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.format import number, percent, plus_minus
 from swingid.result.data import Agreement, Changing
-from swingid.result.result import Message
-from swingid.uncertainty.significance import CERTAIN, MATTERS
+from swingid.uncertainty.significance import CERTAIN
 
 PARTS = "disagreement of parts of the log"
 """Source of `parts.unexplained` in a budget."""
@@ -43,97 +39,83 @@ CAUSES = {
 """What makes parts disagree: for each comparison what it shows best among the faults of `study.faults`."""
 
 
-@dataclass(frozen=True)
-class Stability:
-    """Slow changes with their effects on the inertia, and comparisons of parts of the log.
+def slow_changes(kind: str) -> Callable[[Evidence, Judged], list[Finding]]:
+    """The test of slow changes of a kind: a warning where the inertia changes by more than its uncertainty."""
 
-    changing: each change over time. prediction: of the second half by the first.
-    """
+    def test(evidence: Evidence, judged: Judged) -> list[Finding]:
+        return [
+            Finding(effect.change, f"{_changes(change)}; {_effect(effect.change / judged.value, corrected=judged.own)}")
+            for effect, change in evidence.slow
+            if effect.kind == kind
+        ]
 
-    effects: list[SlowEffect]
-    changing: list[Changing]
-    parts: list[Comparison]
-    prediction: Prediction | None
+    return test
 
-    @classmethod
-    def of(cls, choice: Choice) -> Stability:
-        """Of the windows that momentum chose."""
-        law, signals = choice.law, choice.signals
-        divided = divisible(law, choice.tried.values())
-        return cls(
-            slow_effects(law, signals, choice.slow),
-            [change_over_time(law, signals, kind) for kind in choice.slow],
-            compared(divided, signals),
-            predicted(divided),
+
+def slow_entries(evidence: Evidence, u: float, own: bool) -> dict[str, float]:
+    """Standard uncertainties by slow changes; by all of one where a method takes friction and zero as constant."""
+    return {SOURCES[effect.kind]: effect.u + (0.0 if own else abs(effect.change)) for effect, _ in evidence.slow}
+
+
+def not_predicted(evidence: Evidence, judged: Judged) -> list[Finding]:
+    """A note where the first half of the log does not predict the second one, and no slow change was found."""
+    prediction = evidence.prediction
+    if prediction is None or prediction.significance <= CERTAIN or evidence.slow:
+        return []
+    text = (
+        f"the fit of the first half of the log leaves {prediction.ratio:.2g} times the residuals in the "
+        "second half that are expected: friction or a sensor is not the same in both, or no law of the speed "
+        "describes the friction."
+    )
+    return [Finding(0.0, text)]
+
+
+def parts_disagree(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+    """Whether parts of the log certainly disagree."""
+    if not evidence.parts:
+        return None
+    found = [one for one in evidence.parts if abs(one.off) > CERTAIN * one.u]
+    if not found:
+        return []
+    worst = max(found, key=lambda one: abs(one.off))
+    text = f"{_differ(worst, judged.value)}, one of {len(evidence.parts)} such comparisons: {CAUSES[worst.name]}."
+    return [Finding(worst.off, text)]
+
+
+def impulse_fitted(evidence: Evidence, judged: Judged) -> list[Finding]:
+    """A note on an impulse at each reversal, which is an unknown beside the parameters."""
+    law = evidence.law
+    if "memory" not in law.unknowns:
+        return []
+    unit = f"{law.equation.torque_unit} s"
+    text = (
+        f"an impulse of {plus_minus(law.value('memory'), law.uncertainty('memory'), unit)} at each reversal was "
+        "estimated beside the friction law: dynamic friction, backlash or short sticking."
+    )
+    return [Finding(0.0, text)]
+
+
+def mirrored_differ(evidence: Evidence, judged: Judged) -> list[Finding]:
+    """A note on each pair of parts that mirror one another and differ, which is not in the inertia of the whole."""
+    found = [one for one in evidence.parts if one.name in MIRRORED and abs(one.deviation) > CERTAIN]
+    return [
+        Finding(0.0, f"{_differ(one, judged.value)}: {CAUSES[one.name]}; in the whole log that cancels.")
+        for one in found
+    ]
+
+
+def agreement(parts: Sequence[Comparison], carried: float) -> tuple[Agreement, ...]:
+    """Comparisons as data; carried: what of the axis' inertia is not the body's."""
+    return tuple(
+        Agreement(
+            one.name,
+            (one.first[0] - carried, one.first[1]),
+            (one.second[0] - carried, one.second[1]),
+            one.difference,
+            one.variance**0.5,
         )
-
-    def common(self, u: float) -> dict[str, float]:
-        """Standard uncertainties of the inertia by source, of an estimate of u that has the changes as unknowns."""
-        found = {PARTS: unexplained(self.parts, u)}
-        return found | {SOURCES[effect.kind]: effect.u for effect in self.effects}
-
-    def not_corrected(self, u: float) -> dict[str, float]:
-        """The same for the estimate of a method that takes friction and zero as constant."""
-        found = {PARTS: unexplained(self.parts, u)}
-        return found | {SOURCES[effect.kind]: abs(effect.change) + effect.u for effect in self.effects}
-
-    def agreement(self, carried: float) -> tuple[Agreement, ...]:
-        """The comparisons as data; carried: what of the axis' inertia is not the body's."""
-        return tuple(
-            Agreement(
-                one.name,
-                (one.first[0] - carried, one.first[1]),
-                (one.second[0] - carried, one.second[1]),
-                one.difference,
-                one.variance**0.5,
-            )
-            for one in self.parts
-        )
-
-    def extra(self) -> dict[str, float]:
-        """For the details of a result."""
-        return {} if self.prediction is None else {"held_out_residual": self.prediction.ratio}
-
-    def messages(self, inertia: float, u: float, *, corrected: bool) -> tuple[list[Message], list[Message]]:
-        """Warnings and notes on slow changes, and on what the first half does not predict.
-
-        u: standard uncertainty of the inertia. corrected: whether the estimate has the changes as unknowns. A change is
-        warned of where it changes the inertia by more than its uncertainty explains.
-        """
-        ran("stability")
-        warnings: list[Message] = []
-        notes: list[Message] = []
-        for effect, change in zip(self.effects, self.changing, strict=True):
-            matters = abs(effect.change) > max(MATTERS * u, LEAST * abs(inertia))
-            text = _changes(change) + "; " + _effect(effect.change / inertia, corrected=corrected)
-            code = {"friction": "friction-changes", "zero": "zero-drifts"}[effect.kind]
-            (warnings if matters else notes).append(Message(code, text))
-        if self.prediction is not None and self.prediction.significance > CERTAIN and not self.effects:
-            text = (
-                f"the fit of the first half of the log leaves {self.prediction.ratio:.2g} times the residuals in the "
-                "second half that are expected: friction or a sensor is not the same in both, or no law of the speed "
-                "describes the friction."
-            )
-            notes.append(Message("second-half-not-predicted", text))
-        return warnings, notes + self.asymmetry(inertia)
-
-    def disagreement(self, inertia: float, u: float) -> list[Message]:
-        """A warning where parts of the log certainly disagree and that matters; u: without this disagreement."""
-        if self.parts:
-            ran("parts")
-        least = max(MATTERS * u, LEAST * abs(inertia))
-        found = [one for one in self.parts if abs(one.off) > max(CERTAIN * one.u, least)]
-        if not found:
-            return []
-        worst = max(found, key=lambda one: abs(one.off))
-        text = f"{_differ(worst, inertia)}, one of {len(self.parts)} such comparisons: {CAUSES[worst.name]}."
-        return [Message("parts-disagree", text)]
-
-    def asymmetry(self, inertia: float) -> list[Message]:
-        """A note where parts that mirror one another certainly differ, which is not in the inertia of the whole."""
-        found = [one for one in self.parts if one.name in MIRRORED and abs(one.deviation) > CERTAIN]
-        texts = (f"{_differ(one, inertia)}: {CAUSES[one.name]}; in the whole log that cancels." for one in found)
-        return [Message("mirrored-parts-differ", text) for text in texts]
+        for one in parts
+    )
 
 
 def _differ(one: Comparison, inertia: float) -> str:

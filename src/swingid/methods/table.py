@@ -55,8 +55,9 @@ class Method:
         self, log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool = False
     ) -> Result:
         """Prepare the log and identify it; errors as in `Load`. one_of_several: of logs of one body."""
-        from swingid.checks.ran import in_order, recorded
+        from swingid.checks.ran import recorded
         from swingid.checks.refusal import explained, require_agreement
+        from swingid.checks.table import in_order
         from swingid.preparation.prepared import prepare
 
         method = self.load()

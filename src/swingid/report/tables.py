@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swingid.checks.ran import CHECKS
 from swingid.checks.stability import DIVIDED
+from swingid.checks.table import CHECKS
 from swingid.format import interval, number, percent, plus_minus, span
 from swingid.numerics.arrays import robust_spread
 from swingid.report.words import DRIVES, EXTRA, METHODS, NOT_USED, RIG, SENSORS, Word, parameter_word

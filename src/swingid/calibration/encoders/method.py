@@ -117,21 +117,17 @@ def _evaluated(found: Estimate, rig: Rig) -> Evaluated:
 
     The scatter contains the priors of parts that are hardly identifiable, and uncertain constants of the rig.
     """
-    at = [k for k, part in enumerate(found.parts) if not part.nuisance]
-    parts, late = [found.parts[k] for k in at], stated_latency(rig).value
-    values = {}
-    for k, part in zip(at, parts, strict=True):
-        values[part.key] = float(found.values[k]) + late * (part.unit == "s"), part.unit
+    at = {part.key: k for k, part in enumerate(found.parts) if not part.nuisance}
+    units, late = {part.key: part.unit for part in found.parts}, stated_latency(rig).value
+    values = {key: (float(found.values[k]) + late * (units[key] == "s"), units[key]) for key, k in at.items()}
+    sizes = {
+        "place of the encoder's grid": np.sqrt(np.maximum(found.grid, 0.0)),
+        "drift with the length of the windows": found.drift,
+    }
+    common = [(systematic(source), key, float(own[k])) for source, own in sizes.items() for key, k in at.items()]
+    places = np.ix_([*at.values()], [*at.values()])
     name = "scatter of the windows, bounds and constants"
-    common = [
-        (systematic(source), part.key, float(sizes[k]))
-        for source, sizes in (
-            ("place of the encoder's grid", np.sqrt(np.maximum(found.grid, 0.0))),
-            ("drift with the length of the windows", found.drift),
-        )
-        for k, part in zip(at, parts, strict=True)
-    ]
-    return evaluate(values, Scatter(name, found.scatter[np.ix_(at, at)], np.full(len(at), np.inf)), common)
+    return evaluate(values, Scatter(name, found.scatter[places], np.full(len(at), np.inf)), common)
 
 
 def _strangers(logs: Sequence[CalibrationLog], rig: Rig, found: Estimate) -> Iterator[Message]:

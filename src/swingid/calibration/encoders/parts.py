@@ -11,15 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.perturbations import RowError
+from swingid.checks.latency import LATEST, latency_spread
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import ONE_ENCODER
 from swingid.numerics.arrays import Array
-from swingid.preparation.encoders import Channel
+from swingid.preparation.encoders import Channel, Encoders
 from swingid.units import Quantity
 
 WIDE = float(np.radians(1.0))
-LATEST = 0.01
-"""Prior standard deviations (rad, s) where the rig file states nothing."""
+"""Prior standard deviation (rad) of a nonlinearity where the rig file states nothing."""
 
 ZERO = 0.02
 """Prior standard deviation (rad) of the zero of the angle, whose regressor is nearly that of α of the axis' encoder."""
@@ -59,7 +59,7 @@ def parts_of(rig: Rig) -> list[Part]:
             found += [Part(f"{table}.{key}", spread or WIDE, spread > 0) for key in ONE_ENCODER]
         found.append(Part("zero", ZERO, False, nuisance=True))
     if rig.drive.kind != "none":
-        spread = float(np.hypot.reduce([rig.sensors.of(channel).latency.std or 0.0 for channel in tables_of(rig)]))
+        spread = latency_spread(Encoders.of(rig), rig)
         found.append(Part(latency_key(rig), spread or LATEST, spread > 0))
     return found
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from swingid.calibration.encoders import parts as at
 from swingid.calibration.encoders.method import calibrate_encoders
+from swingid.checks.latency import LATEST
 from swingid.errors import SwingidError, UnanswerableError
 from swingid.model.rig import Rig
 from swingid.preparation.encoders import LATENCY, Channel, is_off
@@ -99,9 +100,9 @@ def _latency(rig: Rig) -> tuple[Rig, str]:
     key = at.latency_key(rig)
     text = (
         f"the channels are read at different times, which the rig file does not state: {key} was estimated from the "
-        f"same data, within {1e3 * at.LATEST:.0f} ms. Write it into the rig file with swingid calibrate --encoders."
+        f"same data, within {1e3 * LATEST:.0f} ms. Write it into the rig file with swingid calibrate --encoders."
     )
-    return rig.changed({key: Quantity(at.stated_latency(rig).value, at.LATEST)}), text
+    return rig.changed({key: Quantity(at.stated_latency(rig).value, LATEST)}), text
 
 
 def _size(rig: Rig, channel: Channel) -> float:

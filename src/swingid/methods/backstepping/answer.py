@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.balance.motor import MotorBalance
-from swingid.checks.rig_file import CONFLICT
+from swingid.checks.stated import CONFLICT
 from swingid.methods.backstepping.curve import BANDS, Run, mean_over, scatter_of_mean
 from swingid.model.equation import Equation
 from swingid.preparation.motion import Motion

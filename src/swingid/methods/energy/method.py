@@ -25,7 +25,8 @@ from swingid.checks.consistency import (
     consistency_check,
     without_momentum,
 )
-from swingid.checks.rig_file import CONFLICT, RigFileCheck
+from swingid.checks.rig_file import RigFileCheck
+from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_details, with_chain
 from swingid.methods.energy.balance import Course, PassRows

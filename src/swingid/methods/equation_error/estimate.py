@@ -19,7 +19,7 @@ from swingid.balance.fits import columns_of
 from swingid.balance.friction_laws import EXACT, KNOTS, Law, speed_knots
 from swingid.balance.law_choice import LawChoice, slowest_peak
 from swingid.checks.consistency import DISAGREES
-from swingid.checks.rig_file import CONFLICT
+from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import AT_LEAST, Cutoff
 from swingid.methods.equation_error.filtered import OnGrid, RowFilter

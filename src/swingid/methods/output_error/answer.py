@@ -10,7 +10,7 @@ import numpy as np
 
 from swingid.balance.friction_laws import Law, curve_speeds
 from swingid.checks.consistency import DISAGREES
-from swingid.checks.rig_file import CONFLICT
+from swingid.checks.stated import CONFLICT
 from swingid.methods.output_error.constants import SCALE
 from swingid.methods.output_error.declared import declared_effects, shift_of_momentum
 from swingid.methods.output_error.search import Searched

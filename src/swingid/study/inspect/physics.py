@@ -15,7 +15,8 @@ from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals
 from swingid.checks.answer import Fault, check_motor, check_sign
 from swingid.checks.closure import CLOSES, share_left
-from swingid.checks.stated import check_gravity
+from swingid.checks.hypothesis import matters
+from swingid.checks.stated import gravity_off
 from swingid.format import number, percent, plus_minus
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
@@ -152,10 +153,13 @@ def _zero(joint: Extra, alone: Extra | None) -> Check:
 
 def _gravity(balance: Balance, rig: Rig) -> Iterator[Check]:
     """Whether drive and gravity are of one scale, where the motion determines it; see `checks.stated`."""
-    for message in check_gravity(balance.law, balance.fits, balance.signals, rig):
+    law = balance.law
+    for found in gravity_off(law, balance.fits, balance.signals, rig) or ():
+        if not matters(found.change, law.total, law.a11):
+            continue
         drive = "log.torque_gain" if balance.equation.drive == "direct" else "drive.wheel.inertia"
         remedy = f"correct axis.gravity_torque or {drive}, or state the less certain one with its uncertainty"
-        yield Check(message.code, "scale", "repair", f"{message.message.rpartition('; ')[0]}.", remedy)
+        yield Check("gravity-torque-disagrees", "scale", "repair", f"{found.text.rpartition('; ')[0]}.", remedy)
 
 
 def _wheel(balance: Balance, rig: Rig) -> Iterator[Check]:

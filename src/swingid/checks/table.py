@@ -1,0 +1,150 @@
+"""The hypotheses that are tested on the momentum balance of a log, in their order, and the consistency checks in words.
+
+All methods run this table, for angles alone determine whether the zero and the scale of the angle, the gravity torque
+against the drive's scale, and the timing of the channels are as stated, whatever a method computes of the same log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from swingid.balance.parts import unexplained
+from swingid.balance.systematics import place_torque
+from swingid.checks.angle import scale_off, zero_off
+from swingid.checks.closure import balance_open
+from swingid.checks.free_decay import period_of_amplitude
+from swingid.checks.hypothesis import Evidence, Hypothesis, Judged
+from swingid.checks.latency import channel_late
+from swingid.checks.place import PLACE, place_found, spring_not_stated
+from swingid.checks.ran import ran
+from swingid.checks.stability import (
+    PARTS,
+    impulse_fitted,
+    mirrored_differ,
+    not_predicted,
+    parts_disagree,
+    slow_changes,
+    slow_entries,
+)
+from swingid.checks.stated import CONFLICT, conflict, encoders_bent, gravity_off
+from swingid.recording.findings import Kind
+from swingid.result.result import Message
+
+ANGLE = ("zero-off", "angle-scale")
+"""Codes of contradictions of the angle: each changes the gravity torque too."""
+
+ASIDE = ("zero-off", "gravity-torque-disagrees", "encoder-nonlinearity")
+"""What seems to be a torque that depends on the angle; an error of its scale is one that is."""
+
+BIASED = ("angle-scale", *ASIDE, "place-torque")
+"""What leaves residuals of the balance."""
+
+UNDETERMINED = ("gravity-and-inertia", "near-resonance", "not-identifiable")
+"""What makes parts of a log disagree by little."""
+
+TABLE = (
+    Hypothesis("angle-zero", "zero-off", zero_off, "zero of the angle",
+               limit="angle", kind=Kind.ANGLE_ZERO, contradicts=True),
+    Hypothesis("angle-scale", "angle-scale", scale_off, "scale of the angle",
+               limit="angle", unless=("zero-off",), contradicts=True),
+    # with the disagreement of windows, which a wrong scale causes, the interval would hide it
+    Hypothesis("gravity-torque", "gravity-torque-disagrees",
+               lambda evidence, judged: gravity_off(evidence.law, evidence.tried, evidence.signals, evidence.part.rig),
+               "gravity torque as stated against the log",
+               limit="gravity", unless=ANGLE, kind=Kind.GRAVITY_TORQUE, contradicts=True,
+               entries=lambda evidence, u, own: {CONFLICT: conflict(evidence, u)}),
+    Hypothesis("encoders", "encoder-nonlinearity", encoders_bent, "encoder nonlinearity as stated against the log",
+               limit="balance", own=True, kind=Kind.ENCODER_NONLINEARITY, contradicts=True),
+    Hypothesis("place", "place-torque", place_found, "torques that depend on the angle and are not stated",
+               limit="place", unless=ASIDE, contradicts=True,
+               entries=lambda evidence, u, own: {PLACE: place_torque(evidence.place, u)}),
+    Hypothesis("closure", "balance-open", balance_open, "the balance closes: its residuals are small",
+               limit="alone", unless=BIASED, contradicts=True),
+    Hypothesis("latency", "late-channel", channel_late, "timing of the channels against each other",
+               limit="timing", kind=Kind.LATE_CHANNEL, contradicts=True),
+    Hypothesis("period", "period-disagrees", period_of_amplitude, "period of a free decay against its amplitude",
+               limit="alone", unless=(*BIASED, "balance-open")),
+    Hypothesis("parts", "parts-disagree", parts_disagree, "parts of the log agree with one another",
+               limit="alone", unless=(*BIASED, "balance-open", "late-channel", *UNDETERMINED),
+               entries=lambda evidence, u, own: {PARTS: unexplained(evidence.parts, u)}),
+    Hypothesis("", "reversal-impulse", impulse_fitted, own=True, note=True),
+    Hypothesis("stability", "friction-changes", slow_changes("friction"),
+               "friction and zero of the angle do not change within the log",
+               limit="alone", note=True, entries=slow_entries),
+    Hypothesis("stability", "zero-drifts", slow_changes("zero"), limit="alone", note=True),
+    Hypothesis("stability", "second-half-not-predicted", not_predicted, note=True),
+    Hypothesis("stability", "mirrored-parts-differ", mirrored_differ, note=True),
+    Hypothesis("", "spring-not-stated", spring_not_stated, note=True),
+)  # fmt: skip
+"""The hypotheses in the order of their tests: what explains a later one comes first."""
+
+CONTRADICTIONS = tuple(one.code for one in TABLE if one.contradicts)
+"""Codes of what a log contradicts in its rig file, each with an entry of the budget that holds the disagreement."""
+
+NAMED = (CONFLICT, PLACE, PARTS)
+"""Sources of the budget that are named by messages, and neither make an answer hopeless nor hide its causes."""
+
+
+def messages_of(evidence: Evidence, judged: Judged, found: Iterable[str] = ()) -> tuple[list[Message], list[Message]]:
+    """Warnings and notes; found: codes of warnings before. UnanswerableError where the balance does not close."""
+    warnings: list[Message] = []
+    notes: list[Message] = []
+    seen = set(found)
+    for one in TABLE:
+        if seen.intersection(one.unless) or (one.own and not judged.own):
+            continue
+        findings = one.test(evidence, judged)
+        if findings is None:
+            continue
+        if one.check:
+            ran(one.check)
+        for finding in findings:
+            message = Message(one.code, finding.text, one.kind)
+            if one.limit and judged.matters(finding.change, one.limit):
+                warnings.append(message)
+                seen.add(one.code)
+            elif one.note:
+                notes.append(message)
+    return warnings, notes
+
+
+def entries(evidence: Evidence, u: float, *, own: bool) -> dict[str, float]:
+    """Standard uncertainties of the inertia by source, of an estimate whose type A is `u`; own: see `Judged`."""
+    return {source: spread for one in TABLE for source, spread in one.entries(evidence, u, own).items()}
+
+
+@dataclass(frozen=True)
+class Check:
+    """A consistency check in words, and the codes of the messages by which it reports a finding."""
+
+    words: str
+    codes: tuple[str, ...]
+
+
+def _checks(table: Sequence[Hypothesis]) -> dict[str, Check]:
+    """The checks of a table by name."""
+    names = dict.fromkeys(one.check for one in table if one.check)
+    rows = {name: [one for one in table if one.check == name] for name in names}
+    return {name: Check(own[0].words, tuple(one.code for one in own)) for name, own in rows.items()}
+
+
+CHECKS = {
+    "signs": Check("signs of the channels: inertia and gravity torque are positive", ()),
+    "identifiability": Check(
+        "identifiability: the motion determines the parameters", ("gravity-and-inertia", "near-resonance")
+    ),
+    "motor": Check(
+        "equation (II): wheel angle, sign of the voltage and motor constants",
+        ("voltage-sign", "wheel-angle-reading", "motor-balance", "drive-held"),
+    ),
+    **_checks(TABLE),
+    "momentum": Check("agreement with the momentum balance of the same swings", ("disagrees-with-momentum",)),
+    "saturation": Check("saturation of the voltage", ("voltage-saturated",)),
+}
+"""The checks by name, in the order of a report."""
+
+
+def in_order(names: set[str]) -> tuple[str, ...]:
+    """Names of checks in the order of `CHECKS`."""
+    return tuple(name for name in CHECKS if name in names)

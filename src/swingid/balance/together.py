@@ -253,13 +253,13 @@ def _with_cubic(tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
 
 def _declared(fit: WindowFit, runs: Sequence[Run]) -> WindowFit:
     """The fit with the effect of every declared imperfection, as `fits.with_declared`."""
-    items = _declared_of(fit, runs)
+    items = declared_of(fit, runs)
     fit = with_fitted(fit, [item for item in items if item.of.fitted])
     passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.of.fitted]
     return replace(fit, declared=(*fit.declared, *passed))
 
 
-def _declared_of(fit: WindowFit, runs: Sequence[Run]) -> list[RowError]:
+def declared_of(fit: WindowFit, runs: Sequence[Run]) -> list[RowError]:
     """What is stated as uncertain, with its effect on the rows of all logs."""
     found = [constant_error(fit.rows, fit.equation, one) for one in of_constants(fit.equation) if one.std > 0]
     if "torque_per_volt" in fit.rows.columns:  # unknown or known, they have the error of the voltage

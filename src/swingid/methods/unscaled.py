@@ -10,7 +10,7 @@ from swingid.errors import SwingidError
 from swingid.model.rig import Rig
 from swingid.preparation.reference import Reference
 from swingid.result.provenance import constants, of_rig
-from swingid.result.ratios import Scaling, converted, in_words, over_inertia, scaled, transformed
+from swingid.result.ratios import Scaling, converted, in_words, ratios_of, transformed
 from swingid.result.result import Message, Result
 
 SCALE_NOTES = {"scale-from-gravity", "scale-from-spring"}
@@ -33,7 +33,7 @@ def unscaled(result: Result, reference: Reference, rig: Rig) -> Result:
     if not result.parameters:
         return result
     name, by = reference.name, reference.scaled_by
-    ratios = over_inertia(result, name) if by is None else scaled(result, name, by)
+    ratios = ratios_of(result, name, by)
     found = transformed(result, ratios)
     unit = reference.unit
     leading = next(ratio for ratio in ratios if "inertia" in ratio.powers)

@@ -8,14 +8,13 @@ from pathlib import PurePath
 
 from swingid.errors import NotIdentifiableError, SwingidError, UnanswerableError, UsageError
 from swingid.format import percent, plus_minus
-from swingid.pooling.joint import PAIR, Pairs, correlation, is_joint, outlying_pair, pool_pair
-from swingid.pooling.pooling import BETWEEN, Pooled, outliers, pool
+from swingid.pooling.joint import PAIR, Common, Pairs, estimates_of, given_by_all, outlying_pair
+from swingid.pooling.pooling import Pooled, outliers
 from swingid.progress import tracked
 from swingid.recording.findings import Kind
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Result, refusal
-from swingid.result.sources import Identity, value_of
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 from swingid.uncertainty.uncertain import Uncertain
 
@@ -116,65 +115,20 @@ def _pooled(
     results: Sequence[Result], names: Sequence[str], friction: str
 ) -> tuple[Result, list[Message], list[Message]]:
     """The common parameters with their budget; warnings and notes on how the logs agree."""
-    estimates = estimates_of(results, friction)
-    pairs = Pairs.of(results, estimates) if is_joint(results) else None
-    pooled = pool_all(estimates, pairs)
-    common = common_result(results, pooled, pairs)
+    found = Common.of(results, range(len(results)) if friction == "shared" else ())
+    common, pooled = found.result(), found.pooled
     warnings = []
-    if pairs is not None:
-        warnings += [*conditioning(common.inertia, common.budget), *pair_disagreement(pairs, names)]
-    checked = {name: estimates[name] for name in pooled if pairs is None or name not in PAIR}
-    found = _disagreements(checked, names, common.parameters)
-    warnings += [Message("logs-disagree", text) for text in found]
-    notes = [_pooling_note(pooled["inertia"], names, joint=pairs is not None)]
+    if found.pairs is not None:
+        warnings += [*conditioning(common.inertia, common.budget), *pair_disagreement(found.pairs, names)]
+    checked = {name: each for name, each in found.estimates.items() if found.pairs is None or name not in PAIR}
+    texts = _disagreements(checked, names, common.parameters)
+    warnings += [Message("logs-disagree", text) for text in texts]
+    notes = [_pooling_note(pooled["inertia"], names, joint=found.pairs is not None)]
     if friction == "per-log":
         notes.append(_friction_note(results, names))
     else:
         notes.append(_shared_friction_note(results, pooled))
     return common, warnings, notes
-
-
-def pool_all(
-    estimates: Mapping[str, list[Uncertain]], pairs: Pairs | None, between: str = BETWEEN
-) -> dict[str, Pooled]:
-    """Each parameter pooled, inertia and gravity torque together where there are `pairs`; between: as in `pool`."""
-    pooled = {name: pool(each, between) for name, each in estimates.items()}
-    return pooled if pairs is None else pooled | pool_pair(pairs, between)
-
-
-def common_result(results: Sequence[Result], pooled: Mapping[str, Pooled], pairs: Pairs | None) -> Result:
-    """The result with the common values, their budget and correlations; without messages and provenance."""
-    units = {name: parameter.unit for result in results for name, parameter in result.parameters.items()}
-    sensitivities = {}
-    if pairs is None:  # of the pooled inertia, where every log has its own
-        keys = [key for key in results[0].sensitivities if all(key in result.sensitivities for result in results)]
-        for key in keys:
-            slopes = [result.sensitivities[key] for result in results]
-            sensitivities[key] = float(sum(w * s for w, s in zip(pooled["inertia"].weights, slopes, strict=True)))
-    return Result(
-        method=results[0].method,
-        status="ok",
-        parameters={name: common.parameter(units[name]) for name, common in pooled.items()},
-        budget=tuple(entry for name, common in pooled.items() for entry in common.estimate.entries(name)),
-        sensitivities=sensitivities,
-        covariance={} if pairs is None else pairs.common_covariance(),
-        correlation=correlation(results, pooled, pairs),
-    )
-
-
-def estimates_of(
-    results: Sequence[Result], friction: str, *, scatter_is_shared: bool = False
-) -> dict[str, list[Uncertain]]:
-    """Estimates, per log, of every parameter that all logs give with an uncertainty and that is to be pooled.
-
-    scatter_is_shared: the scatter of the logs does not average out.
-    """
-    return {
-        name: [value_of(result, name, _identity(k, scatter_is_shared)) for k, result in enumerate(results)]
-        for name in results[0].parameters
-        if (friction == "shared" or name in PAIR)
-        and all(any(entry.parameter == name for entry in result.budget) for result in results)
-    }
 
 
 def _by_name(
@@ -226,18 +180,6 @@ def _refuse_twice(logs: Mapping[str, Log | SwingidError]) -> None:
             message = f"{name} and {seen[key]} are the same log; a run counts once, so leave one out."
             raise UsageError(message, code="same-log-twice")
         seen[key] = name
-
-
-def _identity(log: int, scatter_is_shared: bool) -> Identity:
-    """Scatter is each log's own; the rig's constants, and errors of type A that are alike in all logs, are not."""
-
-    def key(entry: BudgetEntry) -> str:
-        if entry.type == "B":
-            return entry.shared_id or f"log {log}: {entry.source}"
-        own = entry.origin.averages_over_logs and not scatter_is_shared
-        return f"log {log}: {entry.source}" if own else entry.source
-
-    return key
 
 
 def _provenance(sound: Sequence[Result], results: Sequence[Result], friction: str) -> dict[str, object]:
@@ -359,7 +301,7 @@ def _shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> M
 
 def _friction_note(results: Sequence[Result], names: Sequence[str]) -> Message:
     """Whether friction, left to each log, agrees between them."""
-    own = {name: each for name, each in estimates_of(results, "shared").items() if name not in PAIR}
+    own = {name: estimates_of(results, name) for name in given_by_all(results) if name not in PAIR}
     laws = {tuple(name for name in result.parameters if name not in PAIR) for result in results}
     found = _disagreements(own, names, results[0].parameters)
     if found:

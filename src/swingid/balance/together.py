@@ -17,6 +17,7 @@ import numpy as np
 from swingid.balance.choice import FLAT, FURTHER, gain
 from swingid.balance.errors import channel_errors, constant_error
 from swingid.balance.fits import BASIS, Effect, WindowFit, fit_rows, with_fitted
+from swingid.balance.lengths import search
 from swingid.balance.motor_on_axis import is_open, volts, with_motor
 from swingid.balance.perturbations import RowError, of_channels, of_constants
 from swingid.balance.rows import Rows, Signals, Windows, rows_of
@@ -34,9 +35,6 @@ from swingid.units import Quantity
 
 ONE_WAY = ("coulomb", "viscous", "quadratic")
 """Friction of a motion in one direction, where friction that depends on the direction has the same regressors."""
-
-WORSE = 2.5
-"""Ratio of relative uncertainties from which on shorter windows are not tried; as in `balance.choice`."""
 
 APART = 4.0
 """Time between the windows of two logs in the rows of all, in half-lengths: more than two, so that none overlap."""
@@ -135,30 +133,17 @@ def fit_together(runs: Sequence[Run], equation: Equation, friction: tuple[str, .
     """
     equation = with_bodies(_separable(equation, runs), runs)
     noise, friction = _noise(runs), friction or friction_of(runs)
-    tried: dict[float, WindowFit] = {}
 
-    def attempt(half: float) -> WindowFit | None:
+    def fit_at(half: float) -> WindowFit | None:
         fit = fit_rows(_stacked([run.rows(half) for run in runs]), equation, noise, friction)
-        if fit is not None and np.isfinite(fit.u):
-            tried[half] = replace(fit, half=half)
-        return tried.get(half)
+        return fit and replace(fit, half=half)
 
-    longest, shortest = min(_longest(run) for run in runs), 4 * noise.step
-    half = longest
-    while half > shortest:
-        fit = attempt(half)
-        if fit is not None and fit.relative(fit.u) > WORSE * min(one.relative(one.u) for one in tried.values()):
-            break
-        half /= 2
+    tried = search(fit_at, min(_longest(run) for run in runs), 4 * noise.step)
     if not tried:
         raise UnanswerableError(
             "the logs contain too little usable motion to fit inertia and friction; record longer ones.",
             code="too-short",
         )
-    best = min(tried, key=lambda length: tried[length].relative(tried[length].u))
-    for neighbour in (best / np.sqrt(2), best * np.sqrt(2)):
-        if shortest < neighbour < longest:
-            attempt(neighbour)
     tried = _with_cubic(tried)
     tried = {length: _declared(fit, runs) for length, fit in tried.items()}
     reach = {half: fit.relative(fit.total) * coverage_factor(fit.freedom) for half, fit in tried.items()}

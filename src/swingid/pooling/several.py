@@ -14,6 +14,7 @@ from swingid.progress import tracked
 from swingid.recording.findings import Kind
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Recording
+from swingid.result.provenance import of_several
 from swingid.result.result import Message, Result, refusal
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 from swingid.uncertainty.uncertain import Uncertain
@@ -48,9 +49,6 @@ def identify_several(
     if friction not in FRICTION:
         raise UsageError(f"unknown friction {friction!r}; choose {' or '.join(FRICTION)}.", code="no-friction-choice")
     by_name = _by_name(logs)
-    if not by_name:
-        raise UsageError("no log was given; give one or more.", code="no-log")
-    _refuse_twice(by_name)
     results: list[Result] = []
     errors: list[SwingidError] = []
     for name, log in tracked(by_name.items()):
@@ -134,14 +132,25 @@ def _pooled(
 def _by_name(
     logs: Sequence[Log] | Mapping[str, Log | SwingidError],
 ) -> dict[str, Log | SwingidError]:
-    """The logs by name: their paths, or their numbers where paths are missing or alike."""
-    if isinstance(logs, Mapping):
-        return dict(logs)
-    paths = [log.source.path if isinstance(log, Recording) else log.path for log in logs]
-    unique = len(set(paths)) == len(paths)
-    return {
-        path if path and unique else f"log {k + 1}": log for k, (path, log) in enumerate(zip(paths, logs, strict=True))
-    }
+    """The logs by name: their paths, or their numbers where paths are missing or alike.
+
+    Raises UsageError for none, or for one given twice.
+    """
+    if not isinstance(logs, Mapping):
+        paths = [log.source.path if isinstance(log, Recording) else log.path for log in logs]
+        unique = len(set(paths)) == len(paths)
+        names = [path if path and unique else f"log {k + 1}" for k, path in enumerate(paths)]
+        logs = dict(zip(names, logs, strict=True))
+    if not logs:
+        raise UsageError("no log was given; give one or more.", code="no-log")
+    seen: dict[object, str] = {}
+    for name, log in logs.items():
+        if isinstance(log, Recording):
+            first = seen.setdefault(log.source.sha256 or id(log), name)
+            if first is not name:
+                message = f"{name} and {first} are the same log; a run counts once, so leave one out."
+                raise UsageError(message, code="same-log-twice")
+    return dict(logs)
 
 
 def named_recordings(logs: Sequence[Log] | Mapping[str, Log | SwingidError]) -> dict[str, Recording]:
@@ -149,12 +158,8 @@ def named_recordings(logs: Sequence[Log] | Mapping[str, Log | SwingidError]) -> 
 
     Raises the error of one that could not be read, UsageError for none, one given twice, or one to be read in parts.
     """
-    by_name = _by_name(logs)
-    if not by_name:
-        raise UsageError("no log was given; give one or more.", code="no-log")
-    _refuse_twice(by_name)
     found = {}
-    for name, log in by_name.items():
+    for name, log in _by_name(logs).items():
         if isinstance(log, SwingidError):
             raise log
         if not isinstance(log, Recording):
@@ -170,28 +175,11 @@ def _short(names: Sequence[str]) -> list[str]:
     return bare if len(set(bare)) == len(bare) else list(names)
 
 
-def _refuse_twice(logs: Mapping[str, Log | SwingidError]) -> None:
-    seen: dict[object, str] = {}
-    for name, log in logs.items():
-        if not isinstance(log, Recording):
-            continue
-        key = log.source.sha256 or id(log)
-        if key in seen:
-            message = f"{name} and {seen[key]} are the same log; a run counts once, so leave one out."
-            raise UsageError(message, code="same-log-twice")
-        seen[key] = name
-
-
 def _provenance(sound: Sequence[Result], results: Sequence[Result], friction: str) -> dict[str, object]:
     """That of the first log, with all logs in the place of one."""
-    first = dict(sound[0].provenance)
-    options = first.pop("options", None)
-    for key in ("log", "log_sha256", "rows"):
-        first.pop(key, None)
-    listed = {"logs": "log", "logs_sha256": "log_sha256"}
-    logs: dict[str, object] = {key: [one.provenance.get(name) for one in results] for key, name in listed.items()}
-    own = {"friction": friction} | (dict(options) if isinstance(options, dict) else {})
-    return logs | first | {"options": own}
+    found = of_several(sound[0].provenance, [one.provenance for one in results])
+    options = found.pop("options", None)
+    return found | {"options": {"friction": friction} | (dict(options) if isinstance(options, dict) else {})}
 
 
 def undetermined(result: Result) -> None:

@@ -30,7 +30,7 @@ from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.reference import FRICTION, Reference, turns_freely
 from swingid.preparation.scale import equation_of, refuse_rates
 from swingid.preparation.segment import FEWEST_TURNS, spin_down
-from swingid.result.provenance import add_findings, defaults_taken, exact_in_row_one, provenance
+from swingid.result.provenance import add_findings, defaults_taken, exact_in_row_one, of_several, provenance
 from swingid.result.result import Details, Message, Result
 from swingid.uncertainty.budget import Evaluated, Scatter, Source, evaluate, scatter, systematic
 from swingid.uncertainty.freedom import bartlett, scatter_freedom
@@ -236,8 +236,6 @@ def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated,
     ]
     for run in found.runs:
         add_findings(run.part.log, warnings, notes, used=(run.part.start, run.part.stop))
-    evaluated = replace(evaluated, sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0]))
-    single = len(prepared) == 1
     return Result(
         method="momentum",
         status="warning" if warnings else "ok",
@@ -246,8 +244,8 @@ def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated,
         notes=tuple(dict.fromkeys(notes)),
         budget=tuple(evaluated.budget),
         provenance=_provenance(found, prepared),
-        details=_details(found) if single else None,
-        sensitivities=evaluated.sensitivities,
+        details=_details(found) if len(prepared) == 1 else None,
+        sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0]),
         correlation=evaluated.correlation,
     )
 
@@ -281,8 +279,5 @@ def _provenance(found: Together, prepared: Sequence[Prepared]) -> dict[str, obje
     ]
     if len(each) == 1:
         return each[0] | {"preparation": preparation[0]}
-    first = {key: value for key, value in each[0].items() if key not in ("log", "log_sha256", "rows")}
-    listed = {"logs": "log", "logs_sha256": "log_sha256"}
-    logs: dict[str, object] = {key: [one[name] for one in each] for key, name in listed.items()}
     bodies = [{"value": run.added.value, "std": run.added.std} for run in found.runs]
-    return logs | first | {"added": bodies, "preparation": preparation}
+    return of_several(each[0], each) | {"added": bodies, "preparation": preparation}

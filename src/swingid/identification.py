@@ -9,9 +9,9 @@ from pathlib import Path
 
 from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError
 from swingid.methods.table import DEFAULT, Method, method_of
-from swingid.methods.unscaled import in_units_of, require_method, unscaled
+from swingid.methods.unscaled import in_units_of, unscaled
 from swingid.model.rig import Rig
-from swingid.preparation.reference import FRICTION, GAIN, WHEEL, Reference, reference_of, turns_freely
+from swingid.preparation.reference import GAIN, WHEEL, Reference, reference_of, turns_freely
 from swingid.preparation.scale import refuse_motor
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Finding, Recording
@@ -60,14 +60,12 @@ def identify(
     if isinstance(log, str | Path):
         raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
     added = options.pop("added", None)
-    if rig.drive.kind == "motor" or added is not None:
+    if rig.drive.kind == "motor" or added is not None or (turns_freely(rig) and chosen.name == "momentum"):
         return _together(log, rig, chosen, options, added)
     reference = reference_of(rig)
-    if turns_freely(rig) and chosen.name == "momentum" and "added" not in options:
-        return _coast_down(log, rig, chosen, options)
     if reference is None:
         return _identified(log, rig, chosen, options)
-    require_method(reference, chosen)
+    _require_method(reference, chosen)
     with in_units_of(reference):
         found = _identified(log, reference.rig, chosen, options)
     return unscaled(found, reference, rig)
@@ -80,33 +78,27 @@ def _identified(
     options: dict[str, object],
 ) -> Result:
     """`identify` with a rig in which something sets the scale, or is its unit."""
-    if isinstance(log, Recording | LargeLog):
-        chosen.check_options(options)
-
-        def of_one(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
-            return _of_one(log, rig, chosen, options, more)
-
-        try:
-            return _calibrated(of_one(rig), of_one, [log], rig)
-        except UnanswerableError as error:
-            path = log.path if isinstance(log, LargeLog) else log.source.path
-            if path is None or path in error.message:
-                raise
-            raise UnanswerableError(f"{path}: {error.message}", code=error.code) from error
     from swingid.pooling.several import FRICTION, identify_several
 
-    own = "friction" not in chosen.options() or options.get("friction") in FRICTION
+    alone = isinstance(log, Recording | LargeLog)
+    logs = [log] if isinstance(log, Recording | LargeLog) else log if isinstance(log, Mapping) else list(log)
+    own = not alone and ("friction" not in chosen.options() or options.get("friction") in FRICTION)
     friction = str(options.pop("friction", FRICTION[0])) if own else FRICTION[0]
     chosen.check_options(options)
-    several = len(log) > 1
-    logs = log if isinstance(log, Mapping) else list(log)
 
     def of_all(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
+        one_of_several = len(logs) > 1
         return identify_several(
-            logs, lambda one: _of_one(one, rig, chosen, options, more, one_of_several=several), friction=friction
+            logs, lambda one: _of_one(one, rig, chosen, options, more, one_of_several=one_of_several), friction=friction
         )
 
-    return _calibrated(of_all(rig), of_all, logs.values() if isinstance(logs, Mapping) else logs, rig)
+    try:
+        return _calibrated(of_all(rig), of_all, logs.values() if isinstance(logs, Mapping) else logs, rig)
+    except UnanswerableError as error:
+        path = log.path if isinstance(log, LargeLog) else log.source.path if isinstance(log, Recording) else None
+        if path is None or path in error.message:
+            raise
+        raise UnanswerableError(f"{path}: {error.message}", code=error.code) from error
 
 
 def _together(
@@ -116,7 +108,7 @@ def _together(
     options: Mapping[str, object],
     added: object,
 ) -> Result:
-    """The result of one fit to all logs: of a motor on the axis, or with known bodies that differ between the logs."""
+    """The result of one fit to all logs: of a motor on the axis, of known bodies that differ, of a free body."""
     from swingid.methods.momentum.together import momentum_together
     from swingid.pooling.several import named_recordings
     from swingid.preparation.prepared import prepare
@@ -125,14 +117,28 @@ def _together(
         refuse_motor(rig, f"the method {method.name}")
         text = f"logs with known bodies added are identified by the method momentum, not by {method.name}; choose that."
         raise UsageError(text, code="unknown-option")
-    if options:
+    free = turns_freely(rig) and added is None
+    if free:
+        method.check_options({name: value for name, value in options.items() if name != "friction"})
+    elif options:
         raise UsageError(f"{', '.join(options)}: no option of one fit to several logs; leave it out.", code="no-option")
     logs = named_recordings([log] if isinstance(log, Recording | LargeLog) else log)
-    bodies = bodies_of(added, len(logs), rig)
-    if added is not None:
+    bodies = None if added is None else bodies_of(added, len(logs), rig)
+    if bodies is not None:
         _refuse_unknown_drive(rig)
-    prepared = [prepare(one, rig, together=True, scaled_elsewhere=added is not None) for one in logs.values()]
+    elsewhere = free or bodies is not None
+    prepared = [prepare(one, rig, together=True, scaled_elsewhere=elsewhere) for one in logs.values()]
     return momentum_together(prepared, list(logs), bodies)
+
+
+def _require_method(reference: Reference, method: Method) -> None:
+    """Raise UnanswerableError for a method that needs the motor's constants in N m beside it."""
+    if reference.key == WHEEL and method.motor == "needed":
+        raise UnanswerableError(
+            f"drive.wheel.inertia is unknown, but the {method.name} method needs it beside the motor's constants; "
+            "use the method momentum, equation-error or output-error, which give ratios to it, or state it.",
+            code="no-scale",
+        )
 
 
 def _refuse_unknown_drive(rig: Rig) -> None:
@@ -150,28 +156,11 @@ def _refuse_unknown_drive(rig: Rig) -> None:
         )
 
 
-def _coast_down(
-    log: Log | Sequence[Log] | Mapping[str, Log | SwingidError], rig: Rig, method: Method, options: Mapping[str, object]
-) -> Result:
-    """The friction over the inertia of a body that spins down, from all logs in one fit."""
-    from swingid.methods.momentum.together import coast_down
-    from swingid.pooling.several import named_recordings
-    from swingid.preparation.prepared import prepare
-
-    method.check_options({name: value for name, value in options.items() if name != "friction"})
-    logs = named_recordings([log] if isinstance(log, Recording | LargeLog) else log)
-    prepared = [prepare(one, rig, together=True, scaled_elsewhere=True) for one in logs.values()]
-    result, unit = coast_down(prepared, list(logs))
-    return unscaled(result, Reference(f"{FRICTION}{unit}", unit, rig), rig)
-
-
 def bodies_of(added: object, count: int, rig: Rig) -> list[Quantity]:
-    """The inertias of bodies added to the axis, one per log: quantities, as text or numbers; 0 where none is given.
+    """The inertias of bodies added to the axis, one per log: quantities, as text or numbers.
 
     Raises UsageError where they are no list of one per log, or no inertias.
     """
-    if added is None:
-        return [Quantity(0.0)] * count
     unit = "kg" if rig.axis.kind == "linear" else "kg*m^2"
     if isinstance(added, str | bytes) or not isinstance(added, Sequence) or len(added) != count:
         raise UsageError(

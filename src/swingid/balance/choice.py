@@ -16,6 +16,7 @@ from swingid.balance.errors import bends, late_error
 from swingid.balance.fits import BASIS, LAG, SLIGHT, WindowFit, fit_rows, residuals_beside, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import NEAR_REST, TERMS, with_near_rest
+from swingid.balance.lengths import search
 from swingid.balance.rows import Rows, Signals, retimed, rows_of
 from swingid.balance.slow import SlowKind, slow_kinds, with_slow
 from swingid.balance.systematics import grid_spread
@@ -243,39 +244,23 @@ def _fits(
 def _search(
     signals: Signals, equation: Equation, noise: Noise, friction: tuple[str, ...]
 ) -> tuple[dict[float, WindowFit], Signals]:
-    """Fits by half-length: octaves downwards while the uncertainty falls, then the half octaves beside the best.
-
-    Also the signals on blocks short enough for the shortest of them.
-    """
+    """Fits by half-length, see `lengths.search`, and the signals on blocks short enough for the shortest of them."""
     time = signals.nodes.time
     longest = min(0.75 * signals.motion.half_period, (time[-1] - time[0]) / 5)
     shortest = 4 * noise.step
-    tried: dict[float, WindowFit] = {}
 
-    def attempt(half: float) -> WindowFit | None:
+    def fit_at(half: float) -> WindowFit | None:
         nonlocal signals
         signals = signals.suited(half)
-        fit = fit_rows(rows_of(signals, law_windows(signals, half)), equation, noise, friction)
-        if fit is not None and np.isfinite(fit.u):
-            tried[half] = fit
-        return tried.get(half)
+        return fit_rows(rows_of(signals, law_windows(signals, half)), equation, noise, friction)
 
-    half = longest
-    while half > shortest:
-        fit = attempt(half)
-        if fit is not None and fit.relative(fit.u) > 2.5 * min(other.relative(other.u) for other in tried.values()):
-            break
-        half /= 2
+    tried = search(fit_at, longest, shortest)
     if not tried:
         raise UnanswerableError(
             f"the log contains {time[-1] - time[0]:.3g} s of usable motion, too little to fit inertia and friction; "
             "record at least five swings.",
             code="too-short",
         )
-    best = min(tried, key=lambda length: tried[length].relative(tried[length].u))
-    for neighbour in (best / np.sqrt(2), best * np.sqrt(2)):
-        if shortest < neighbour < longest:
-            attempt(neighbour)
     return tried, signals
 
 

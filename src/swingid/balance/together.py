@@ -17,6 +17,7 @@ import numpy as np
 from swingid.balance.choice import FLAT, FURTHER, gain
 from swingid.balance.errors import channel_errors, constant_error
 from swingid.balance.fits import BASIS, WindowFit, fit_rows, with_errors
+from swingid.balance.lengths import search
 from swingid.balance.motor_on_axis import is_open, volts, with_motor
 from swingid.balance.perturbations import RowError, of_channels, of_constants
 from swingid.balance.rows import Rows, Signals, Windows, rows_of
@@ -25,7 +26,7 @@ from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
 from swingid.model.equation import VOLTAGE_SCALE, Coefficient, Constant, Equation
 from swingid.numerics.arrays import Array
-from swingid.numerics.regression import LinearFit
+from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part
@@ -34,9 +35,6 @@ from swingid.units import Quantity
 
 ONE_WAY = ("coulomb", "viscous", "quadratic")
 """Friction of a motion in one direction, where friction that depends on the direction has the same regressors."""
-
-WORSE = 2.5
-"""Ratio of relative uncertainties from which on shorter windows are not tried; as in `balance.choice`."""
 
 APART = 4.0
 """Time between the windows of two logs in the rows of all, in half-lengths: more than two, so that none overlap."""
@@ -66,14 +64,15 @@ class Run:
         return cls(name, part, signals, added)
 
     def rows(self, half: float) -> Rows:
-        """The rows on windows of half-length `half` (s), with the columns of a motor on the axis; computed once."""
+        """The rows on windows of half-length `half` (s), with the terms of its own drive and body; computed once."""
         if half not in self.kept:
             signals = self.signals.suited(half)
             windows = law_windows(signals, half)
             if self.part.rig.drive.kind == "motor":
-                self.kept[half] = with_motor(rows_of(signals, _in_motion(windows, signals)), signals)
+                rows = with_motor(rows_of(signals, _in_motion(windows, signals)), signals)
             else:
-                self.kept[half] = rows_of(signals, windows)
+                rows = rows_of(signals, windows)
+            self.kept[half] = rows.beside({body_name(self.added): rows["inertia"]} if self.added.value else {})
         return self.kept[half]
 
 
@@ -96,27 +95,26 @@ def _block(part: Part) -> float | None:
 
 @dataclass(frozen=True)
 class Together:
-    """The fit of all logs, and those of other lengths of the windows by half-length (s).
-
-    places: rows of each log. own: of each log, the rows that the fit uses.
-    """
+    """The fit of all logs, and those of other lengths of the windows by half-length (s)."""
 
     runs: tuple[Run, ...]
     law: WindowFit
     tried: dict[float, WindowFit]
-    own: tuple[Rows, ...]
-    places: tuple[slice, ...]
 
-    def of_log(self, k: int, fit: WindowFit | None = None) -> WindowFit:
-        """The rows of one log in the fit of all (of `law`), with their influence on the unknowns of all."""
-        fit = fit or self.law
-        rows, at = (self.own[k], self.places[k]) if fit is self.law else _alone(self.runs, fit, k)
+    def places(self, half: float) -> list[slice]:
+        """The rows of each log in a fit on windows of this half-length."""
+        ends = [0, *accumulate(len(run.rows(half)) for run in self.runs)]
+        return [slice(begin, end) for begin, end in pairwise(ends)]
+
+    def of_log(self, k: int, fit: WindowFit) -> WindowFit:
+        """The rows of one log in the fit of all, with their influence on the unknowns of all."""
+        at = self.places(fit.half)[k]
         data = LinearFit(fit.fit.values, fit.fit.residuals[at], fit.fit.influence[:, at], fit.fit.condition)
-        return replace(fit, fit=data, rows=rows, bare=None)
+        return replace(fit, fit=data, rows=self.runs[k].rows(fit.half), bare=None)
 
     def grid(self) -> float:
         """Standard uncertainty of a11 by the grid phase of the encoder, as of `systematics.grid_spread`."""
-        spreads = [grid_spread(run.signals, self.of_log(k), "inertia") for k, run in enumerate(self.runs)]
+        spreads = [grid_spread(run.signals, self.of_log(k, self.law), "inertia") for k, run in enumerate(self.runs)]
         return float(np.hypot.reduce(spreads))
 
     def variance_between(self, one: WindowFit, other: WindowFit) -> float:
@@ -127,12 +125,6 @@ class Together:
         )
 
 
-def _alone(runs: Sequence[Run], fit: WindowFit, k: int) -> tuple[Rows, slice]:
-    """The rows of one log with their own instants, and their place in the fit of all."""
-    own = [run.rows(fit.half) for run in runs]
-    return own[k], _places(own)[k]
-
-
 def fit_together(runs: Sequence[Run], equation: Equation, friction: tuple[str, ...] | None = None) -> Together:
     """The fit with the shortest interval over lengths of the windows; among nearly equal ones the longest windows.
 
@@ -141,36 +133,22 @@ def fit_together(runs: Sequence[Run], equation: Equation, friction: tuple[str, .
     """
     equation = with_bodies(_separable(equation, runs), runs)
     noise, friction = _noise(runs), friction or friction_of(runs)
-    tried: dict[float, WindowFit] = {}
 
-    def attempt(half: float) -> WindowFit | None:
-        fit = fit_rows(_stacked([run.rows(half) for run in runs], runs, equation), equation, noise, friction)
-        if fit is not None and np.isfinite(fit.u):
-            tried[half] = replace(fit, half=half)
-        return tried.get(half)
+    def fit_at(half: float) -> WindowFit | None:
+        fit = fit_rows(_stacked([run.rows(half) for run in runs]), equation, noise, friction)
+        return fit and replace(fit, half=half)
 
-    longest, shortest = min(_longest(run) for run in runs), 4 * noise.step
-    half = longest
-    while half > shortest:
-        fit = attempt(half)
-        if fit is not None and fit.relative(fit.u) > WORSE * min(one.relative(one.u) for one in tried.values()):
-            break
-        half /= 2
+    tried = search(fit_at, min(_longest(run) for run in runs), 4 * noise.step)
     if not tried:
         raise UnanswerableError(
             "the logs contain too little usable motion to fit inertia and friction; record longer ones.",
             code="too-short",
         )
-    best = min(tried, key=lambda length: tried[length].relative(tried[length].u))
-    for neighbour in (best / np.sqrt(2), best * np.sqrt(2)):
-        if shortest < neighbour < longest:
-            attempt(neighbour)
     tried = _with_cubic(tried)
     tried = {length: _declared(fit, runs) for length, fit in tried.items()}
     reach = {half: fit.relative(fit.total) * coverage_factor(fit.freedom) for half, fit in tried.items()}
     law = tried[max(half for half in tried if reach[half] <= FLAT * min(reach.values()))]
-    own = [run.rows(law.half) for run in runs]
-    return Together(tuple(runs), law, tried, tuple(own), tuple(_places(own)))
+    return Together(tuple(runs), law, tried)
 
 
 def friction_of(runs: Sequence[Run]) -> tuple[str, ...]:
@@ -181,12 +159,10 @@ def friction_of(runs: Sequence[Run]) -> tuple[str, ...]:
 
 def unit_of_friction(runs: Sequence[Run]) -> str:
     """The largest term of the friction, the unit where nothing sets a scale."""
-    own = [run.rows(_longest(run) / 2) for run in runs]
-    terms = friction_of(runs)
-    columns = np.array([_joined([rows[name] for rows in own]) for name in terms]).T
-    known = _joined([rows["inertia"] for rows in own])
-    values = np.linalg.lstsq(columns, known, rcond=1e-10)[0]
-    return terms[int(np.argmax(np.linalg.norm(columns * values, axis=0)))]
+    rows, terms = _stacked([run.rows(_longest(run) / 2) for run in runs]), friction_of(runs)
+    columns = np.array([rows[name] for name in terms]).T
+    sizes = np.linalg.norm(columns * fit_linear(columns, rows["inertia"]).values, axis=0)
+    return terms[int(np.argmax(sizes))]
 
 
 def with_bodies(equation: Equation, runs: Sequence[Run]) -> Equation:
@@ -229,23 +205,19 @@ def _noise(runs: Sequence[Run]) -> Noise:
     return replace(loudest, resolution=max(noise.resolution for noise in all_of))
 
 
-def _places(own: Sequence[Rows]) -> list[slice]:
-    ends = [0, *accumulate(len(rows.windows) for rows in own)]
-    return [slice(begin, end) for begin, end in pairwise(ends)]
+def _stacked(own: Sequence[Rows]) -> Rows:
+    """The rows of all logs one after another, each log's instants behind those of the one before.
 
-
-def _stacked(own: Sequence[Rows], runs: Sequence[Run], equation: Equation) -> Rows:
-    """The rows of all logs one after another, each log's instants behind those of the one before."""
+    A term that a log does not have is 0 in its rows.
+    """
     centres, after = [], 0.0
     for rows in own:
         reach = APART * rows.windows.middle if len(rows.windows) else 0.0
         begin = float(rows.windows.centres[0]) if len(rows.windows) else 0.0
         centres.append(rows.windows.centres - begin + after)
         after = float(centres[-1][-1]) + reach if len(rows.windows) else after
-    columns = {name: _joined([rows[name] for rows in own]) for name in own[0].columns}
-    for added in dict.fromkeys(run.added for run in runs if run.added.value):
-        mine = [rows["inertia"] * (added == run.added) for rows, run in zip(own, runs, strict=True)]
-        columns[body_name(added)] = _joined(mine)
+    names = dict.fromkeys(name for rows in own for name in rows.columns)
+    columns = {name: _joined([rows.columns.get(name, np.zeros(len(rows))) for rows in own]) for name in names}
     pulls = {name: float(np.mean([rows.pulls[name] for rows in own])) for name in own[0].pulls}
     return Rows(Windows(_joined(centres), _joined([rows.windows.half for rows in own])), columns, pulls)
 

@@ -6,30 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from swingid.errors import SwingidError, UnanswerableError
-from swingid.methods.table import Method
+from swingid.errors import SwingidError
 from swingid.model.rig import Rig
-from swingid.preparation.reference import WHEEL, Reference
+from swingid.preparation.reference import Reference
 from swingid.result.provenance import constants, of_rig
-from swingid.result.ratios import Scaling, converted, in_words, over_inertia, scaled, transformed
+from swingid.result.ratios import Scaling, converted, in_words, ratios_of, transformed
 from swingid.result.result import Message, Result
-
-NO_SCALE = "no-scale"
-"""Code of the note of a result of ratios, and of refusals where something needs an inertia."""
-
 
 SCALE_NOTES = {"scale-from-gravity", "scale-from-spring"}
 """Codes of notes that name what the inertia is proportional to, which is nothing to say of ratios."""
-
-
-def require_method(reference: Reference, method: Method) -> None:
-    """Raise UnanswerableError for a method that needs the motor's constants in N m beside it."""
-    if reference.key == WHEEL and method.motor == "needed":
-        raise UnanswerableError(
-            f"drive.wheel.inertia is unknown, but the {method.name} method needs it beside the motor's constants; "
-            "use the method momentum, equation-error or output-error, which give ratios to it, or state it.",
-            code=NO_SCALE,
-        )
 
 
 @contextmanager
@@ -48,7 +33,7 @@ def unscaled(result: Result, reference: Reference, rig: Rig) -> Result:
     if not result.parameters:
         return result
     name, by = reference.name, reference.scaled_by
-    ratios = over_inertia(result, name) if by is None else scaled(result, name, by)
+    ratios = ratios_of(result, name, by)
     found = transformed(result, ratios)
     unit = reference.unit
     leading = next(ratio for ratio in ratios if "inertia" in ratio.powers)
@@ -80,4 +65,4 @@ def _note(reference: Reference, rig: Rig) -> Message:
         f"nothing in rig {rig.name} sets the scale ({reference.key} is unknown), so the parameters are ratios; for "
         f"{unit} {reference.remedy}."
     )
-    return Message(NO_SCALE, text)
+    return Message("no-scale", text)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import plus_minus
-from swingid.pooling.known_body import scaled_by_body
-from swingid.pooling.runs import Runs, calibrated
+from swingid.pooling.known_body import Found, calibrated, scaled_by_body
+from swingid.pooling.runs import Runs
 from swingid.result.result import Message, Result
 from swingid.result.sources import is_correlated
 from swingid.uncertainty.budget import Parameter, correlation_of, stated
@@ -49,76 +50,64 @@ def difference(
     friction law at standstill or the way the axis is held: such changes are taken for inertia.
     """
     runs = Runs.of(tare, loaded, ratios=known is not None)
+    options = {"mass": mass, "distance": distance, "known": known}
     if runs.tare.ratios and known is not None:
-        return _scaled(runs, known, mass, distance)
+        what = _quantity(known, "kg*m^2", "known")
+        target = _known(what, _body(runs, mass, distance))
+        scaled, words = scaled_by_body(runs, target)
+        found = {**scaled, "inertia": (target, "kg m^2")}
+        return _result(runs, found, (), [*words, *_exact(known=what), *runs.notes], options)
     body = _body(runs, mass, distance)
     with_gravity = all(GRAVITY_TORQUE in result.parameters for result in (runs.tare, runs.loaded))
     first, second = runs.values("inertia", *([GRAVITY_TORQUE] if with_gravity else []))
     about_axis = second["inertia"] - first["inertia"]
     _require_seen(about_axis, runs, calibrating=known is not None)
-    estimates = {"inertia": about_axis}
+    found = {"inertia": (about_axis, runs.unit)}
     if body is not None:
-        estimates = {"inertia": _about_own_centre(about_axis, *body, runs.unit), "inertia_about_axis": about_axis}
+        centred = _about_own_centre(about_axis, *body, runs.unit)
+        found = {"inertia": (centred, runs.unit), "inertia_about_axis": (about_axis, runs.unit)}
     if with_gravity:
-        estimates[GRAVITY_TORQUE] = second[GRAVITY_TORQUE] - first[GRAVITY_TORQUE]
-    warnings = _of_runs(runs)
+        unit = runs.tare.parameters[GRAVITY_TORQUE].unit
+        found[GRAVITY_TORQUE] = second[GRAVITY_TORQUE] - first[GRAVITY_TORQUE], unit
     notes = [Message("difference", f"{runs.names[1]} less {runs.names[0]}.")]
     notes += [*_exact(mass=body and body[0], distance=body and body[1]), *_exact_in(runs), *runs.notes]
-    parameters = _parameters(estimates, runs)
-    budget = [entry for name, estimate in estimates.items() for entry in estimate.entries(name)]
+    doubts: list[Message] = []
     if known is not None:
         what = _quantity(known, "kg" if runs.unit == "kg" else "kg*m^2", "known")
-        target = _known(what)
-        if body is not None:  # J_e = J_c + m d²
-            target += _steiner(*body)
-        scaled, doubts, words = calibrated(runs, (first["inertia"], second["inertia"]), target)
-        for name, (estimate, unit) in scaled.items():
-            estimates[name], parameters[name] = estimate, estimate.parameter(unit)
-            # what cancels leaves its rounding behind
-            budget += [e for e in estimate.entries(name) if e.standard_uncertainty > 1e-9 * estimate.u]
-        warnings += doubts
+        scaled, doubts, words = calibrated(runs, (first["inertia"], second["inertia"]), _known(what, body))
+        found |= scaled
         notes += [*words, *_exact(known=what)]
-    known_names = [name for name, parameter in parameters.items() if parameter.standard_uncertainty is not None]
+    return _result(runs, found, doubts, notes, options)
+
+
+def _result(
+    runs: Runs, found: Found, doubts: Sequence[Message], notes: Sequence[Message], options: Mapping[str, GIVEN | None]
+) -> Result:
+    """The result with these values; of one whose uncertainty a run does not state none is known."""
+    own = {"inertia_about_axis": "inertia"}
+    unsure = {
+        name
+        for name in found
+        for run in (runs.tare, runs.loaded)
+        if (stated := run.parameters.get(own.get(name, name))) is not None and stated.standard_uncertainty is None
+    }
+    known = [name for name in found if name not in unsure]
+    if not all(is_correlated(run, ("inertia", GRAVITY_TORQUE)) for run in (runs.tare, runs.loaded) if not run.ratios):
+        known = [name for name in known if name != GRAVITY_TORQUE]
+    warnings = [*_of_runs(runs), *doubts]
     return Result(
         method="difference",
         status="warning" if warnings else "ok",
-        parameters=parameters,
+        parameters={
+            name: Parameter.of(one.value, None if name in unsure else one.u, unit, one.freedom)
+            for name, (one, unit) in found.items()
+        },
         warnings=tuple(warnings),
         notes=tuple(notes),
-        budget=tuple(budget),
-        provenance=_provenance(runs, {"mass": mass, "distance": distance, "known": known}),
-        correlation=_correlation({name: estimates[name] for name in known_names}, runs),
+        budget=tuple(entry for name, (one, _) in found.items() for entry in one.entries(name)),
+        provenance=_provenance(runs, options),
+        correlation=correlation_of(known, covariance([found[name][0] for name in known])),
     )
-
-
-def _scaled(runs: Runs, known: GIVEN, mass: GIVEN | None, distance: GIVEN | None) -> Result:
-    """Results of ratios on the scale of a known body, whose inertia is about the axis unless mass and distance say."""
-    what = _quantity(known, "kg*m^2", "known")
-    target = _known(what)
-    if (mass is None) != (distance is None):
-        raise UsageError("mass and distance go together; give both or none.", code="mass-and-distance")
-    if mass is not None and distance is not None:
-        target += _steiner(_quantity(mass, "kg", "mass"), _quantity(distance, "m", "distance"))
-    found, notes = scaled_by_body(runs, target)
-    found["inertia"] = target, "kg m^2"
-    warnings = _of_runs(runs)
-    return Result(
-        method="difference",
-        status="warning" if warnings else "ok",
-        parameters={name: estimate.parameter(unit) for name, (estimate, unit) in found.items()},
-        warnings=tuple(warnings),
-        notes=(*notes, *_exact(known=what), *runs.notes),
-        budget=tuple(entry for name, (estimate, _) in found.items() for entry in estimate.entries(name)),
-        provenance=_provenance(runs, {"mass": mass, "distance": distance, "known": known}),
-        correlation=correlation_of(list(found), covariance([estimate for estimate, _ in found.values()])),
-    )
-
-
-def _correlation(estimates: dict[str, Uncertain], runs: Runs) -> dict[str, dict[str, float]]:
-    """Correlation coefficients; without those of the gravity torque where a run does not give its own."""
-    known = all(is_correlated(run, ("inertia", GRAVITY_TORQUE)) for run in (runs.tare, runs.loaded))
-    names = [name for name in estimates if known or name != GRAVITY_TORQUE]
-    return correlation_of(names, covariance([estimates[name] for name in names]))
 
 
 def _quantity(given: GIVEN, unit: str, key: str) -> Quantity:
@@ -138,7 +127,7 @@ def _body(runs: Runs, mass: GIVEN | None, distance: GIVEN | None) -> tuple[Quant
         return None
     if mass is None or distance is None:
         raise UsageError("mass and distance go together; give both or none.", code="mass-and-distance")
-    if runs.unit == "kg":
+    if runs.tare.main.unit == "kg":
         raise UsageError("mass and distance have no meaning on a linear axis; leave them out.", code="linear-axis")
     return _quantity(mass, "kg", "mass"), _quantity(distance, "m", "distance")
 
@@ -162,10 +151,11 @@ def _require_seen(found: Uncertain, runs: Runs, *, calibrating: bool) -> None:
         )
 
 
-def _known(inertia: Quantity) -> Uncertain:
-    """The inertia of the known body."""
+def _known(inertia: Quantity, body: tuple[Quantity, Quantity] | None) -> Uncertain:
+    """The inertia about the axis of the known body: J_e = J_c + m d², J_c where mass and distance are given."""
     name = "inertia of the known body"
-    return Uncertain.of(inertia.value, inertia.std or 0.0, stated(name, name, inertia.std or None))
+    found = Uncertain.of(inertia.value, inertia.std or 0.0, stated(name, name, inertia.std or None))
+    return found if body is None else found + _steiner(*body)
 
 
 def _steiner(mass: Quantity, distance: Quantity) -> Uncertain:
@@ -184,16 +174,6 @@ def _about_own_centre(about_axis: Uncertain, mass: Quantity, distance: Quantity,
             f"{plus_minus(about_axis.value, about_axis.u, unit)}; check both.",
             code="parallel-axis",
         )
-    return found
-
-
-def _parameters(estimates: dict[str, Uncertain], runs: Runs) -> dict[str, Parameter]:
-    """Unknown uncertainty where one of the runs has none."""
-    found = {}
-    for name, estimate in estimates.items():
-        pair = [run.parameters["inertia" if name.startswith("inertia") else name] for run in (runs.tare, runs.loaded)]
-        known = all(parameter.standard_uncertainty is not None for parameter in pair)
-        found[name] = Parameter.of(estimate.value, estimate.u if known else None, pair[0].unit, estimate.freedom)
     return found
 
 
@@ -219,7 +199,7 @@ def _exact(**given: Quantity | None) -> list[Message]:
     return [Message("exact-constants", f"taken as exact, because no uncertainty was given: {', '.join(names)}.")]
 
 
-def _provenance(runs: Runs, options: dict[str, GIVEN | None]) -> dict[str, object]:
+def _provenance(runs: Runs, options: Mapping[str, GIVEN | None]) -> dict[str, object]:
     kept = ("log", "log_sha256", "logs", "logs_sha256", "rig", "rig_source", "rig_sha256")
     found: dict[str, object] = {}
     for role, result, name in zip(("tare", "loaded"), (runs.tare, runs.loaded), runs.names, strict=True):

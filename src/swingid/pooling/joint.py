@@ -1,23 +1,24 @@
-"""Inertia and an unknown gravity torque from several logs together: generalised least squares on both.
+"""The common values of several results of one body: which are pooled, their budget, how they are correlated.
 
-One frequency determines one combination of the two (q1'' is nearly parallel to sin q1), another frequency another one.
-Each log's pair (inertia, gravity torque) with its whole type A covariance is the equation of its combination; together
-they determine both, as a fit of all rows at once would.
+Inertia and an unknown gravity torque are pooled together, by generalised least squares on both. One frequency
+determines one combination of the two (q1'' is nearly parallel to sin q1), another frequency another one. Each log's
+pair with its whole type A covariance is the equation of its combination; together they determine both, as a fit of all
+rows at once would.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from swingid.numerics.arrays import Array
-from swingid.pooling.pooling import BETWEEN, Pooled
+from swingid.pooling.pooling import BETWEEN, Pooled, pool
 from swingid.result.result import Result
-from swingid.result.sources import is_correlated, values_of
-from swingid.uncertainty.budget import correlation_of
+from swingid.result.sources import Identity, is_correlated, value_of, values_of
+from swingid.uncertainty.budget import BudgetEntry, correlation_of
 from swingid.uncertainty.budget import scatter as scatter_source
 from swingid.uncertainty.significance import FAMILY
 from swingid.uncertainty.uncertain import Uncertain, covariance, weighted_sum
@@ -94,40 +95,9 @@ def pool_pair(pairs: Pairs, between_them: str = BETWEEN) -> dict[str, Pooled]:
         if excess > 0:
             estimate += Uncertain.of(0.0, between, scatter_source(between_them, freedom))
             effective = freedom * (estimate.u / between) ** 4
-        weights = np.array([gains[i, 2 * k + i] for k in range(count)])
-        pooled[name] = Pooled(estimate, weights, between, effective)
+        beside = {PAIR[1 - i]: gains[i, 1 - i :: 2]}
+        pooled[name] = Pooled(estimate, gains[i, i::2], between, effective, beside)
     return pooled
-
-
-def correlation(
-    results: Sequence[Result], pooled: Mapping[str, Pooled], pairs: Pairs | None
-) -> dict[str, dict[str, float]]:
-    """Correlation coefficients of the common values; none where a result holds none of its own.
-
-    Within a log as its covariance has it, between logs by what rig.toml states; scatter between logs and errors that
-    are alike in all of them count as uncorrelated between parameters.
-    """
-    names, count = list(pooled), len(results)
-    gains = np.zeros((count, len(names), len(names)))  # of the common values to those of each log
-    for i, one in enumerate(pooled.values()):
-        gains[:, i, i] = one.weights
-    given = [[name for name in names if name in result.parameters] for result in results]
-    if len(names) < 2 or not all(map(is_correlated, results, given)):
-        return {}
-    matrix = covariance([one.estimate.of_type("B") for one in pooled.values()])
-    at = [names.index(name) for name in PAIR] if pairs is not None else []
-    together = np.zeros((2, 0)) if pairs is None else pairs.gains(range(count))
-    spread = 1.0 if pairs is None else 1.0 + _excess(pairs, together)
-    for k, (result, here) in enumerate(zip(results, given, strict=True)):
-        within = np.zeros_like(matrix)
-        there = [names.index(name) for name in here]
-        within[np.ix_(there, there)] = covariance([one.of_type("A") for one in values_of(result, here).values()])
-        if pairs is not None:
-            gains[k][np.ix_(at, at)] = together[:, 2 * k : 2 * k + 2]
-            within[np.ix_(at, at)] = pairs.own[k] * spread
-        matrix += gains[k] @ within @ gains[k].T
-    np.fill_diagonal(matrix, [one.estimate.u**2 for one in pooled.values()])
-    return correlation_of(names, matrix)
 
 
 def outlying_pair(pairs: Pairs) -> tuple[int, float] | None:
@@ -179,3 +149,106 @@ def _distance(residual: Array, spread: Array) -> float:
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
     inverse = np.linalg.pinv(spread / np.outer(scale, scale), rcond=1e-9, hermitian=True)
     return float(residual / scale @ inverse @ (residual / scale))
+
+
+def given_by_all(results: Sequence[Result]) -> list[str]:
+    """Parameters that every result gives with an uncertainty."""
+    given = [{entry.parameter for entry in result.budget} for result in results]
+    return [name for one in results[:1] for name in one.parameters if all(name in own for own in given)]
+
+
+def estimates_of(results: Sequence[Result], name: str, *, scatter_is_shared: bool = False) -> list[Uncertain]:
+    """Estimates of a parameter, per log; scatter_is_shared: the scatter of the logs does not average out."""
+    return [value_of(result, name, _identity(k, scatter_is_shared)) for k, result in enumerate(results)]
+
+
+def _identity(log: int, scatter_is_shared: bool = False) -> Identity:
+    """Scatter is each log's own; the rig's constants, and errors of type A that are alike in all logs, are not."""
+
+    def key(entry: BudgetEntry) -> str:
+        if entry.type == "B":
+            return entry.shared_id or f"log {log}: {entry.source}"
+        own = entry.origin.averages_over_logs and not scatter_is_shared
+        return f"log {log}: {entry.source}" if own else entry.source
+
+    return key
+
+
+@dataclass(frozen=True)
+class Common:
+    """Several results, of each pooled parameter the estimates that count and the common value.
+
+    pairs: inertia and gravity torque of all, where they are pooled together.
+    """
+
+    results: Sequence[Result]
+    estimates: dict[str, list[Uncertain]]
+    pooled: dict[str, Pooled]
+    pairs: Pairs | None
+
+    @classmethod
+    def of(
+        cls, results: Sequence[Result], alike: Sequence[int], *, between: str = BETWEEN, scatter_is_shared: bool = False
+    ) -> Common:
+        """Pool inertia and gravity torque of all results, everything else of those with the numbers `alike`.
+
+        between: name of the scatter between logs; scatter_is_shared: see `estimates_of`.
+        """
+        groups = {True: results, False: [results[k] for k in alike]}
+        names = [name for paired, own in groups.items() for name in given_by_all(own) if (name in PAIR) is paired]
+        estimates = {
+            name: estimates_of(groups[name in PAIR], name, scatter_is_shared=scatter_is_shared) for name in names
+        }
+        pooled = {name: pool(each, between) for name, each in estimates.items()}
+        pairs = Pairs.of(results, estimates) if is_joint(results) else None
+        for name in set(pooled).difference(PAIR):
+            weights = np.zeros(len(results))
+            weights[list(alike)] = pooled[name].weights
+            pooled[name] = replace(pooled[name], weights=weights)
+        return cls(results, estimates, pooled | (pool_pair(pairs, between) if pairs else {}), pairs)
+
+    def result(self) -> Result:
+        """The result with the common values, their budget and correlations; without messages and provenance."""
+        units = {name: parameter.unit for result in self.results for name, parameter in result.parameters.items()}
+        sensitivities = {}
+        if self.pairs is None:  # of the pooled inertia, where every log has its own
+            weights, slopes = self.pooled["inertia"].weights, [result.sensitivities for result in self.results]
+            keys = [key for key in slopes[0] if all(key in own for own in slopes)]
+            sensitivities = {key: float(weights @ [own[key] for own in slopes]) for key in keys}
+        return Result(
+            method=self.results[0].method,
+            status="ok",
+            parameters={name: common.parameter(units[name]) for name, common in self.pooled.items()},
+            budget=tuple(entry for name, common in self.pooled.items() for entry in common.estimate.entries(name)),
+            sensitivities=sensitivities,
+            covariance={} if self.pairs is None else self.pairs.common_covariance(),
+            correlation=self.correlation(),
+        )
+
+    def correlation(self) -> dict[str, dict[str, float]]:
+        """Correlation coefficients of the common values; none where a result holds none of its own.
+
+        Within a log as it states them, between logs by what rig.toml states; scatter between logs and errors that are
+        alike in all of them count as uncorrelated between parameters.
+        """
+        names = list(self.pooled)
+        given = [[name for name in names if name in result.parameters] for result in self.results]
+        if len(names) < 2 or not all(map(is_correlated, self.results, given)):
+            return {}
+        values = [
+            values_of(result, own, _identity(k))
+            for k, (result, own) in enumerate(zip(self.results, given, strict=True))
+        ]
+        sums = []
+        for name, one in self.pooled.items():
+            shares = {name: one.weights, **one.beside}
+            terms = [(values[k][own], w) for own, weights in shares.items() for k, w in enumerate(weights) if w]
+            sums.append(weighted_sum(*zip(*terms, strict=True)))
+        matrix = covariance(sums)
+        if self.pairs is not None:  # wider than each log states it
+            at = [names.index(name) for name in PAIR]
+            gains = self.pairs.gains(range(len(self.results)))
+            shared = covariance([self.pooled[name].estimate.of_type("B") for name in PAIR])
+            matrix[np.ix_(at, at)] = shared + self.pairs.scatter(gains) * (1.0 + _excess(self.pairs, gains))
+        np.fill_diagonal(matrix, [one.estimate.u**2 for one in self.pooled.values()])
+        return correlation_of(names, matrix)

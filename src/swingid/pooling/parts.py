@@ -10,9 +10,9 @@ import numpy as np
 
 from swingid.errors import SwingidError
 from swingid.format import percent
-from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair
-from swingid.pooling.pooling import Pooled, outliers, pool
-from swingid.pooling.several import SINGLE, common_result, conditioning, estimates_of, pool_all
+from swingid.pooling.joint import PAIR, Common, Pairs, estimates_of, outlying_pair
+from swingid.pooling.pooling import outliers, pool
+from swingid.pooling.several import SINGLE, conditioning
 from swingid.result.result import Details, Message, Result, SwingSeries
 from swingid.uncertainty.budget import Evaluated, systematic
 from swingid.uncertainty.uncertain import Uncertain, weighted_sum
@@ -71,10 +71,12 @@ def combine_parts(parts: Sequence[Part]) -> Result:
         raise next(part.result for part in parts if isinstance(part.result, SwingidError))
     kept = certain or found[:1]
     results = [result for _, result in kept]
-    pairs = Pairs.of(results, _estimates(results, "per-log")) if is_joint(results) else None
-    pooled = _pooled(results, pairs) if certain else {}
-    common = common_result(results, pooled, pairs) if certain else results[0]
-    common = _with_averaging(common, max(part.smear for part, _ in kept)) if certain else common
+    joined, common = None, results[0]
+    if certain:
+        shared = results[0].method not in AVERAGE_OUT
+        joined = Common.of(results, _of_one_law(results), between=BETWEEN_PARTS, scatter_is_shared=shared)
+        common = _with_averaging(joined.result(), max(part.smear for part, _ in kept))
+    pairs = None if joined is None else joined.pairs
     settled = pairs is not None and len(results) > 1
     warnings = conditioning(common.inertia, common.budget) if settled else []
     of_parts, notes = _messages(results, len(parts), settled=settled)
@@ -83,30 +85,17 @@ def combine_parts(parts: Sequence[Part]) -> Result:
         common,
         status="warning" if warnings else "ok",
         warnings=tuple(warnings),
-        notes=(_note(parts, kept, pooled), *notes, *_without(parts)),
+        notes=(_note(parts, kept, joined), *notes, *_without(parts)),
         provenance=_provenance(parts, results),
         details=_details(kept),
     )
 
 
-def _pooled(results: Sequence[Result], pairs: Pairs | None) -> dict[str, Pooled]:
-    """Inertia and gravity torque of all parts, friction of those with the commonest law."""
-    pooled = pool_all(_estimates(results, "per-log"), pairs, BETWEEN_PARTS)
+def _of_one_law(results: Sequence[Result]) -> list[int]:
+    """The parts that chose the commonest friction law."""
     laws = [tuple(name for name in result.parameters if name not in PAIR) for result in results]
     law = Counter(laws).most_common(1)[0][0]
-    alike = np.array([own == law for own in laws])
-    estimates = _estimates([result for result, same in zip(results, alike, strict=True) if same], "shared")
-    for name, each in estimates.items():
-        if name not in PAIR:
-            one = pool(each, BETWEEN_PARTS)
-            weights = np.zeros(len(results))
-            weights[alike] = one.weights
-            pooled[name] = replace(one, weights=weights)
-    return pooled
-
-
-def _estimates(results: Sequence[Result], friction: str) -> dict[str, list[Uncertain]]:
-    return estimates_of(results, friction, scatter_is_shared=results[0].method not in AVERAGE_OUT)
+    return [k for k, own in enumerate(laws) if own == law]
 
 
 def _with_averaging(common: Result, smear: float) -> Result:
@@ -156,7 +145,7 @@ def _inconsistent(kept: Sequence[tuple[Part, Result]], pairs: Pairs | None) -> l
     if any(result.inertia.standard_uncertainty is None for _, result in kept):
         return []
     size = -(-len(kept) // GROUPS)
-    each = estimates_of([result for _, result in kept], "per-log")["inertia"]
+    each = estimates_of([result for _, result in kept], "inertia")
     estimates = [_mean(each[k : k + size]) for k in range(0, len(kept), size)]
     named = outliers(estimates)
     if not named:
@@ -175,15 +164,15 @@ def _mean(estimates: Sequence[Uncertain]) -> Uncertain:
     return estimates[0] if len(estimates) == 1 else weighted_sum(estimates, pool(estimates).weights)
 
 
-def _note(parts: Sequence[Part], kept: Sequence[tuple[Part, Result]], pooled: dict[str, Pooled]) -> Message:
+def _note(parts: Sequence[Part], kept: Sequence[tuple[Part, Result]], joined: Common | None) -> Message:
     """How the log was read, and the scatter of its parts."""
     blocks = sorted({part.averaged for part in parts})
     text = f"the log was read in {len(parts)} parts, {len(kept)} of which have a number"
     if blocks != [1]:
         lengths = f"{blocks[0]}" if len(blocks) == 1 else f"{blocks[0]} to {blocks[-1]}"
         text += f"; {lengths} rows were averaged into one, which shortens no swing to less than 300 of them"
-    inertia = pooled.get("inertia")
-    if inertia is not None and len(kept) > 1:
+    if joined is not None and len(kept) > 1:
+        inertia = joined.pooled["inertia"]
         scatter = "no scatter between the parts beyond that within them"
         if inertia.between > 0:
             scatter = f"scatter between the parts {percent(inertia.between / abs(inertia.estimate.value))}"

@@ -13,8 +13,8 @@ three logs hardly determine τ: where its estimate is 0 by chance, the interval 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,12 +28,16 @@ BETWEEN = "scatter between the logs"
 
 @dataclass(frozen=True)
 class Pooled:
-    """Common value of n logs: its estimate, the weights (n,), standard deviation τ between logs, degrees of freedom."""
+    """Common value of n logs: its estimate, the weights (n,), standard deviation τ between logs, degrees of freedom.
+
+    beside: weights (n,) of another parameter of the logs, by its name, where both are pooled together.
+    """
 
     estimate: Uncertain
     weights: Array
     between: float
     freedom: float
+    beside: Mapping[str, Array] = field(default_factory=dict)
 
     def parameter(self, unit: str) -> Parameter:
         """Value with its interval."""

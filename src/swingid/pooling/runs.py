@@ -1,10 +1,4 @@
-"""Two results of one rig, without and with a body: whether they can be subtracted, and the scale by a known body.
-
-The inertia of a run is linear in the constant c that is its scale reference (a12 for momentum; η c1 where it is the
-motor's torque): J_k(c (1 + δ)) = J_k + s_k δ with s_k = c ∂J_k/∂c. A body of known inertia J_e requires
-(J_2 + s_2 δ) − (J_1 + s_1 δ) = J_e, which gives δ, and both runs are corrected by it. Errors of the constant itself
-cancel in the corrected inertias; those of everything else are carried through.
-"""
+"""Two results of one rig, without and with a body: whether they can be subtracted, and what they share."""
 
 from __future__ import annotations
 
@@ -12,27 +6,17 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from swingid.errors import InputError, UnanswerableError
-from swingid.format import percent
+from swingid.errors import InputError
 from swingid.result.data import require_scale
 from swingid.result.file import load_result
 from swingid.result.result import Message, Result
 from swingid.result.sources import values_of
 from swingid.uncertainty.budget import BudgetEntry
-from swingid.uncertainty.freedom import COVERAGE_FACTOR
 from swingid.uncertainty.uncertain import Uncertain
-from swingid.units import Quantity
 
 GRAVITY = "axis.gravity_torque"
 
 ENCODERS = "sensors."
-
-TORQUE, WHEEL, GAIN = "drive.motor.torque_per_volt", "drive.wheel.inertia", "log.torque_gain"
-
-EFFICIENCY, ROTOR, GEAR = "drive.motor.efficiency", "drive.motor.rotor_inertia", "drive.motor.gear_ratio"
-
-WEAK = 1e-3
-"""A body whose difference depends on the scale by less than this share of itself calibrates nothing."""
 
 
 @dataclass(frozen=True)
@@ -169,111 +153,3 @@ def _deviations(result: Result) -> dict[str, float]:
 
 def _alike(one: float, other: float) -> bool:
     return math.isclose(one, other, rel_tol=1e-6)
-
-
-LEVERS = {
-    TORQUE: ("eta c1", "torque_per_volt", "N m/V", (TORQUE, EFFICIENCY)),
-    WHEEL: ("a12", "wheel_inertia", "kg m^2", (WHEEL, ROTOR, GEAR, "drive.wheel.tilt")),
-    GAIN: (GAIN, "torque_gain", "", (GAIN,)),
-    GRAVITY: (GRAVITY, "axis_gravity_torque", "N m", (GRAVITY, "axis.tilt")),
-}
-"""Constants that can be the scale reference, the first that applies: name, parameter, unit, keys of its errors."""
-
-
-@dataclass(frozen=True)
-class Lever:
-    """The scale reference: its name, its key and the unit of what is corrected, the corrected value.
-
-    parts: keys whose errors are errors of the scale. size: change of the constant `key` per unit of δ. slopes: s_1,
-    s_2, change of each inertia per unit of δ. stated: relative standard uncertainty by the rig file (0: exact).
-    """
-
-    key: str
-    name: str
-    parameter: str
-    unit: str
-    parts: tuple[str, ...]
-    value: float
-    size: float
-    slopes: tuple[float, float]
-    stated: float
-
-
-def calibrated(
-    runs: Runs, inertias: tuple[Uncertain, Uncertain], known: Uncertain
-) -> tuple[dict[str, tuple[Uncertain, str]], list[Message], list[Message]]:
-    """The scale corrected so that the difference of the `inertias` (tare, loaded) is the `known` one.
-
-    Returns values with their units by name; warnings and notes. Raises UnanswerableError where the results do not state
-    their scale reference, or the difference does not depend on it.
-    """
-    lever = find_lever(runs)
-    tare, loaded = inertias
-    reach = lever.slopes[1] - lever.slopes[0]
-    if abs(reach) < WEAK * abs(loaded.value - tare.value):
-        raise UnanswerableError(
-            f"the difference of the two runs hardly depends on {lever.name}, so a known body does not calibrate it; "
-            "drive both runs away from resonance.",
-            code="no-scale",
-        )
-    delta = (known - loaded + tare) / reach
-    own = delta.only(lambda key: key not in lever.parts)
-    found = {
-        "scale_factor": (1 + own, ""),
-        lever.parameter: (lever.value + lever.size * own, lever.unit),
-        "tare_inertia": (tare + lever.slopes[0] * delta, runs.unit),
-        "loaded_inertia": (loaded + lever.slopes[1] * delta, runs.unit),
-    }
-    return found, *_size_of(lever, own)
-
-
-def _size_of(lever: Lever, delta: Uncertain) -> tuple[list[Message], list[Message]]:
-    """The size of the correction, as a note, or as a warning where it is more than its uncertainties explain."""
-    size = f"{percent(delta.value, sign=True)} ± {percent(delta.u)}"
-    stated = f"stated to {percent(lever.stated)}" if lever.stated else "taken as exact"
-    if abs(delta.value) > COVERAGE_FACTOR * math.hypot(lever.stated, delta.u):
-        text = (
-            f"the known body corrects {lever.name} by {size}, but rig.toml has it {stated}; check the body, its "
-            f"place and {lever.key} before you use the corrected numbers."
-        )
-        return [Message("scale-correction", text)], []
-    text = f"the known body corrects {lever.name} by {size}; rig.toml has it {stated}"
-    if lever.stated and lever.stated < delta.u:
-        text += ", which is a smaller uncertainty than this body gives"
-    return [], [Message("scale-correction", text + ".")]
-
-
-def find_lever(runs: Runs) -> Lever:
-    """The scale reference of both runs."""
-    for key, words in LEVERS.items():
-        pair, known = _slopes(runs, key), constant(runs.tare, key)
-        if pair is None or known is None or not known[0] or (key == GRAVITY and key in runs.apart):
-            continue
-        stated = Quantity(*known).uncertain(key)
-        size = stated.value
-        if key == TORQUE:
-            stated *= Quantity(*(constant(runs.tare, EFFICIENCY) or (1.0,))).uncertain(EFFICIENCY)
-        elif key == WHEEL:
-            rotor, gear = constant(runs.tare, ROTOR) or (0.0,), constant(runs.tare, GEAR) or (1.0,)
-            stated += Quantity(*gear).uncertain(GEAR) * Quantity(*rotor).uncertain(ROTOR)
-            size = stated.value
-        return Lever(key, *words, known[0], size, (size * pair[0], size * pair[1]), stated.u / stated.value)
-    raise UnanswerableError(
-        f"{runs.names[0]} and {runs.names[1]} do not state their scale reference, so a known body calibrates nothing; "
-        "identify both again, with an uncertainty of drive.wheel.inertia in the rig file.",
-        code="no-scale",
-    )
-
-
-def _slopes(runs: Runs, key: str) -> tuple[float, float] | None:
-    """Change of the inertia of each run per unit of a constant; None where one has none."""
-    found = []
-    for result in (runs.tare, runs.loaded):
-        slope = result.sensitivities.get(key)
-        for entry in result.budget:
-            if slope is None and entry.parameter == "inertia" and entry.shared_id == key:
-                slope = entry.sensitivity
-        if not slope:
-            return None
-        found.append(slope)
-    return found[0], found[1]

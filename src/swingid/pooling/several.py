@@ -8,14 +8,14 @@ from pathlib import PurePath
 
 from swingid.errors import NotIdentifiableError, SwingidError, UnanswerableError, UsageError
 from swingid.format import percent, plus_minus
-from swingid.pooling.joint import PAIR, Pairs, correlation, is_joint, outlying_pair, pool_pair
-from swingid.pooling.pooling import BETWEEN, Pooled, outliers, pool
+from swingid.pooling.joint import PAIR, Common, Pairs, estimates_of, given_by_all, outlying_pair
+from swingid.pooling.pooling import Pooled, outliers
 from swingid.progress import tracked
 from swingid.recording.findings import Kind
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Recording
+from swingid.result.provenance import of_several
 from swingid.result.result import Message, Result, refusal
-from swingid.result.sources import Identity, value_of
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 from swingid.uncertainty.uncertain import Uncertain
 
@@ -49,9 +49,6 @@ def identify_several(
     if friction not in FRICTION:
         raise UsageError(f"unknown friction {friction!r}; choose {' or '.join(FRICTION)}.", code="no-friction-choice")
     by_name = _by_name(logs)
-    if not by_name:
-        raise UsageError("no log was given; give one or more.", code="no-log")
-    _refuse_twice(by_name)
     results: list[Result] = []
     errors: list[SwingidError] = []
     for name, log in tracked(by_name.items()):
@@ -116,17 +113,15 @@ def _pooled(
     results: Sequence[Result], names: Sequence[str], friction: str
 ) -> tuple[Result, list[Message], list[Message]]:
     """The common parameters with their budget; warnings and notes on how the logs agree."""
-    estimates = estimates_of(results, friction)
-    pairs = Pairs.of(results, estimates) if is_joint(results) else None
-    pooled = pool_all(estimates, pairs)
-    common = common_result(results, pooled, pairs)
+    found = Common.of(results, range(len(results)) if friction == "shared" else ())
+    common, pooled = found.result(), found.pooled
     warnings = []
-    if pairs is not None:
-        warnings += [*conditioning(common.inertia, common.budget), *pair_disagreement(pairs, names)]
-    checked = {name: estimates[name] for name in pooled if pairs is None or name not in PAIR}
-    found = _disagreements(checked, names, common.parameters)
-    warnings += [Message("logs-disagree", text) for text in found]
-    notes = [_pooling_note(pooled["inertia"], names, joint=pairs is not None)]
+    if found.pairs is not None:
+        warnings += [*conditioning(common.inertia, common.budget), *pair_disagreement(found.pairs, names)]
+    checked = {name: each for name, each in found.estimates.items() if found.pairs is None or name not in PAIR}
+    texts = _disagreements(checked, names, common.parameters)
+    warnings += [Message("logs-disagree", text) for text in texts]
+    notes = [_pooling_note(pooled["inertia"], names, joint=found.pairs is not None)]
     if friction == "per-log":
         notes.append(_friction_note(results, names))
     else:
@@ -134,60 +129,28 @@ def _pooled(
     return common, warnings, notes
 
 
-def pool_all(
-    estimates: Mapping[str, list[Uncertain]], pairs: Pairs | None, between: str = BETWEEN
-) -> dict[str, Pooled]:
-    """Each parameter pooled, inertia and gravity torque together where there are `pairs`; between: as in `pool`."""
-    pooled = {name: pool(each, between) for name, each in estimates.items()}
-    return pooled if pairs is None else pooled | pool_pair(pairs, between)
-
-
-def common_result(results: Sequence[Result], pooled: Mapping[str, Pooled], pairs: Pairs | None) -> Result:
-    """The result with the common values, their budget and correlations; without messages and provenance."""
-    units = {name: parameter.unit for result in results for name, parameter in result.parameters.items()}
-    sensitivities = {}
-    if pairs is None:  # of the pooled inertia, where every log has its own
-        keys = [key for key in results[0].sensitivities if all(key in result.sensitivities for result in results)]
-        for key in keys:
-            slopes = [result.sensitivities[key] for result in results]
-            sensitivities[key] = float(sum(w * s for w, s in zip(pooled["inertia"].weights, slopes, strict=True)))
-    return Result(
-        method=results[0].method,
-        status="ok",
-        parameters={name: common.parameter(units[name]) for name, common in pooled.items()},
-        budget=tuple(entry for name, common in pooled.items() for entry in common.estimate.entries(name)),
-        sensitivities=sensitivities,
-        covariance={} if pairs is None else pairs.common_covariance(),
-        correlation=correlation(results, pooled, pairs),
-    )
-
-
-def estimates_of(
-    results: Sequence[Result], friction: str, *, scatter_is_shared: bool = False
-) -> dict[str, list[Uncertain]]:
-    """Estimates, per log, of every parameter that all logs give with an uncertainty and that is to be pooled.
-
-    scatter_is_shared: the scatter of the logs does not average out.
-    """
-    return {
-        name: [value_of(result, name, _identity(k, scatter_is_shared)) for k, result in enumerate(results)]
-        for name in results[0].parameters
-        if (friction == "shared" or name in PAIR)
-        and all(any(entry.parameter == name for entry in result.budget) for result in results)
-    }
-
-
 def _by_name(
     logs: Sequence[Log] | Mapping[str, Log | SwingidError],
 ) -> dict[str, Log | SwingidError]:
-    """The logs by name: their paths, or their numbers where paths are missing or alike."""
-    if isinstance(logs, Mapping):
-        return dict(logs)
-    paths = [log.source.path if isinstance(log, Recording) else log.path for log in logs]
-    unique = len(set(paths)) == len(paths)
-    return {
-        path if path and unique else f"log {k + 1}": log for k, (path, log) in enumerate(zip(paths, logs, strict=True))
-    }
+    """The logs by name: their paths, or their numbers where paths are missing or alike.
+
+    Raises UsageError for none, or for one given twice.
+    """
+    if not isinstance(logs, Mapping):
+        paths = [log.source.path if isinstance(log, Recording) else log.path for log in logs]
+        unique = len(set(paths)) == len(paths)
+        names = [path if path and unique else f"log {k + 1}" for k, path in enumerate(paths)]
+        logs = dict(zip(names, logs, strict=True))
+    if not logs:
+        raise UsageError("no log was given; give one or more.", code="no-log")
+    seen: dict[object, str] = {}
+    for name, log in logs.items():
+        if isinstance(log, Recording):
+            first = seen.setdefault(log.source.sha256 or id(log), name)
+            if first is not name:
+                message = f"{name} and {first} are the same log; a run counts once, so leave one out."
+                raise UsageError(message, code="same-log-twice")
+    return dict(logs)
 
 
 def named_recordings(logs: Sequence[Log] | Mapping[str, Log | SwingidError]) -> dict[str, Recording]:
@@ -195,12 +158,8 @@ def named_recordings(logs: Sequence[Log] | Mapping[str, Log | SwingidError]) -> 
 
     Raises the error of one that could not be read, UsageError for none, one given twice, or one to be read in parts.
     """
-    by_name = _by_name(logs)
-    if not by_name:
-        raise UsageError("no log was given; give one or more.", code="no-log")
-    _refuse_twice(by_name)
     found = {}
-    for name, log in by_name.items():
+    for name, log in _by_name(logs).items():
         if isinstance(log, SwingidError):
             raise log
         if not isinstance(log, Recording):
@@ -216,40 +175,11 @@ def _short(names: Sequence[str]) -> list[str]:
     return bare if len(set(bare)) == len(bare) else list(names)
 
 
-def _refuse_twice(logs: Mapping[str, Log | SwingidError]) -> None:
-    seen: dict[object, str] = {}
-    for name, log in logs.items():
-        if not isinstance(log, Recording):
-            continue
-        key = log.source.sha256 or id(log)
-        if key in seen:
-            message = f"{name} and {seen[key]} are the same log; a run counts once, so leave one out."
-            raise UsageError(message, code="same-log-twice")
-        seen[key] = name
-
-
-def _identity(log: int, scatter_is_shared: bool) -> Identity:
-    """Scatter is each log's own; the rig's constants, and errors of type A that are alike in all logs, are not."""
-
-    def key(entry: BudgetEntry) -> str:
-        if entry.type == "B":
-            return entry.shared_id or f"log {log}: {entry.source}"
-        own = entry.origin.averages_over_logs and not scatter_is_shared
-        return f"log {log}: {entry.source}" if own else entry.source
-
-    return key
-
-
 def _provenance(sound: Sequence[Result], results: Sequence[Result], friction: str) -> dict[str, object]:
     """That of the first log, with all logs in the place of one."""
-    first = dict(sound[0].provenance)
-    options = first.pop("options", None)
-    for key in ("log", "log_sha256", "rows"):
-        first.pop(key, None)
-    listed = {"logs": "log", "logs_sha256": "log_sha256"}
-    logs: dict[str, object] = {key: [one.provenance.get(name) for one in results] for key, name in listed.items()}
-    own = {"friction": friction} | (dict(options) if isinstance(options, dict) else {})
-    return logs | first | {"options": own}
+    found = of_several(sound[0].provenance, [one.provenance for one in results])
+    options = found.pop("options", None)
+    return found | {"options": {"friction": friction} | (dict(options) if isinstance(options, dict) else {})}
 
 
 def undetermined(result: Result) -> None:
@@ -359,7 +289,7 @@ def _shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> M
 
 def _friction_note(results: Sequence[Result], names: Sequence[str]) -> Message:
     """Whether friction, left to each log, agrees between them."""
-    own = {name: each for name, each in estimates_of(results, "shared").items() if name not in PAIR}
+    own = {name: estimates_of(results, name) for name in given_by_all(results) if name not in PAIR}
     laws = {tuple(name for name in result.parameters if name not in PAIR) for result in results}
     found = _disagreements(own, names, results[0].parameters)
     if found:

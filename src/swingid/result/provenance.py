@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import platform
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.metadata import version
 
@@ -40,6 +41,12 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
         "constants": constants(rig),
         "versions": versions(),
     }
+
+
+def of_several(first: Mapping[str, object], each: Iterable[Mapping[str, object]]) -> dict[str, object]:
+    """That of the first log, with all logs in the place of one."""
+    logs, own = list(each), {name: one for name, one in first.items() if name not in ("log", "log_sha256", "rows")}
+    return {f"logs{more}": [one.get(f"log{more}") for one in logs] for more in ("", "_sha256")} | own
 
 
 def of_rig(rig: Rig) -> dict[str, object]:

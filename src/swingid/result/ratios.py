@@ -60,50 +60,34 @@ class Ratio:
         return found if self.by is None else found * self.by[1].uncertain(self.by[0])
 
 
-def over_inertia(result: Result, reference: str) -> list[Ratio]:
-    """The ratios of a result in which the constant `reference` is 1, the one with that constant first.
+def ratios_of(result: Result, reference: str, by: Scaling | None) -> list[Ratio]:
+    """The parameters of a result in which the constant `reference` is 1, that constant in the place of what scales it.
 
-    Parameters that are no torque (a Stribeck speed) stay as they are.
+    By the inertia, so that they are ratios to it, or in SI by a stated constant among them. Those that are no torque (a
+    Stribeck speed) stay as they are.
     """
-    inertia = result.parameters["inertia"].unit
-    unit = _units(reference, linear=inertia == "kg")
-    first = Ratio(f"{reference}/inertia", OVER_INERTIA.get(unit, "rad/s^2"), {"inertia": -1})
-    if reference == "gravity_torque":
-        first = replace(first, unit="1/s^2")
-    if reference == "wheel_inertia":
-        first = Ratio("inertia/wheel_inertia", "", {"inertia": 1})
-    found = [first]
-    for name, parameter in result.parameters.items():
-        if name == "gravity_torque":
-            found.append(Ratio("gravity_torque/inertia", "1/s^2", {name: 1, "inertia": -1}))
-        elif parameter.unit in OVER_INERTIA:
-            found.append(Ratio(f"{name}/inertia", OVER_INERTIA[parameter.unit], {name: 1, "inertia": -1}))
-        elif name != "inertia":
-            found.append(Ratio(name, parameter.unit, {name: 1}))
-    return found
-
-
-def scaled(result: Result, reference: str, by: Scaling) -> list[Ratio]:
-    """The parameters of a result in which `reference` is 1, in SI by a stated constant among them.
-
-    by: its name as a parameter, its key, its value.
-    """
-    known, key, value = by
+    scale, factor = ("inertia", None) if by is None else (by[0], (by[1], by[2]))
+    unit = TERMS[reference].unit_on(linear=result.parameters["inertia"].unit == "kg") if reference in TERMS else ""
     found = []
     for name, parameter in result.parameters.items():
-        if name == known:
-            unit = _units(reference, linear=result.parameters["inertia"].unit == "kg")
-            found.append(Ratio(reference, unit, {known: -1}, (key, value)))
-        elif parameter.unit in OVER_INERTIA or name == "inertia":
-            found.append(Ratio(name, parameter.unit, {name: 1, known: -1}, (key, value)))
-        else:
+        if name == scale and by is not None:
+            found.append(Ratio(reference, unit, {name: -1}, factor))
+        elif name == scale and reference == "wheel_inertia":
+            found.append(Ratio("inertia/wheel_inertia", "", {name: 1}))
+        elif name == scale:
+            found.append(Ratio(f"{reference}/inertia", _over_inertia(reference, unit), {name: -1}))
+        elif parameter.unit not in OVER_INERTIA and name != "inertia":
             found.append(Ratio(name, parameter.unit, {name: 1}))
+        elif by is None:
+            found.append(Ratio(f"{name}/inertia", _over_inertia(name, parameter.unit), {name: 1, scale: -1}))
+        else:
+            found.append(Ratio(name, parameter.unit, {name: 1, scale: -1}, factor))
     return found
 
 
-def _units(reference: str, *, linear: bool) -> str:
-    """Unit of the constant that is the unit of a result."""
-    return TERMS[reference].unit_on(linear=linear) if reference in TERMS else ""
+def _over_inertia(name: str, unit: str) -> str:
+    """Unit of a parameter divided by the inertia; of the gravity torque as of the square of a frequency."""
+    return "1/s^2" if name == "gravity_torque" else OVER_INERTIA.get(unit, "rad/s^2")
 
 
 def transformed(result: Result, ratios: list[Ratio]) -> Result:

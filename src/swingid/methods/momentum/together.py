@@ -20,15 +20,17 @@ from swingid.balance.together import Run, Together, fit_together, friction_of, u
 from swingid.checks.answer import check_sign, identifiability_of
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import number, percent
+from swingid.methods.unscaled import unscaled
 from swingid.model.equation import Coefficient
 from swingid.model.rig import Rig
 from swingid.model.terms import MOTOR_TERMS, units_on
 from swingid.numerics.arrays import Array
+from swingid.numerics.regression import fit_linear
 from swingid.preparation.prepared import Part, Prepared
-from swingid.preparation.reference import turns_freely
+from swingid.preparation.reference import FRICTION, Reference, turns_freely
 from swingid.preparation.scale import equation_of, refuse_rates
 from swingid.preparation.segment import FEWEST_TURNS, spin_down
-from swingid.result.provenance import add_findings, defaults_taken, exact_in_row_one, provenance
+from swingid.result.provenance import add_findings, defaults_taken, exact_in_row_one, of_several, provenance
 from swingid.result.result import Details, Message, Result
 from swingid.uncertainty.budget import Evaluated, Scatter, Source, evaluate, scatter, systematic
 from swingid.uncertainty.freedom import bartlett, scatter_freedom
@@ -47,36 +49,27 @@ def momentum_together(
 ) -> Result:
     """Identify inertia, friction and unknown constants of a motor on the axis from all logs in one fit.
 
-    names: of the logs. added: inertia of the known body that was on the axis in each log, beside the one sought.
+    names: of the logs. added: inertia of the known body that was on the axis in each log, beside the one sought. A
+    free body without them, on which nothing else acts, gets ratios: its largest friction term is the unit of the fit.
     Raises UnanswerableError where the logs do not determine the inertia, InputError where a sign is wrong.
     """
+    rig, equation, friction = prepared[0].rig, prepared[0].equation, None
     names = names or [one.log.source.path or f"log {k + 1}" for k, one in enumerate(prepared)]
-    added = added or [Quantity(0.0)] * len(prepared)
     parts = _parts(prepared)
-    runs = [Run.of(*own) for own in zip(names, parts, added, strict=True)]
-    _require_scale(prepared[0].rig, runs)
-    found = fit_together(runs, prepared[0].equation)
-    _check(found, prepared[0].rig)
-    scattered, notes = _drag_between(found)
-    evaluated = _evaluate(found, prepared[0].rig, scattered)
-    return _result(found, prepared, evaluated, notes)
-
-
-def coast_down(prepared: Sequence[Prepared], names: Sequence[str]) -> tuple[Result, str]:
-    """The result of logs of a free body without any scale in units of its largest friction term, and that term's name.
-
-    Raises UnanswerableError for a motion that swings: then gravity or a spring acts, which the rig has to state.
-    """
-    rig = prepared[0].rig
-    parts = _parts(prepared)
-    if any(len(part.motion.turning_times) >= FEWEST_TURNS for part in parts):
-        equation_of(rig)  # which raises
-    runs = [Run.of(name, part, Quantity(0.0)) for name, part in zip(names, parts, strict=True)]
-    unit = unit_of_friction(runs)
-    friction = tuple(name for name in friction_of(runs) if name != unit)
-    found = fit_together(runs, prepared[0].equation.but(**{unit: Coefficient(1.0)}), friction)
+    runs = [Run.of(*own) for own in zip(names, parts, added or [Quantity(0.0)] * len(parts), strict=True)]
+    unit = None
+    if turns_freely(rig) and added is None:
+        if any(len(part.motion.turning_times) >= FEWEST_TURNS for part in parts):
+            equation_of(rig)  # which raises: gravity or a spring acts, which the rig has to state
+        unit = unit_of_friction(runs)
+        equation = equation.but(**{unit: Coefficient(1.0)})
+        friction = tuple(name for name in friction_of(runs) if name != unit)
+    _require_scale(rig, runs, unit)
+    found = fit_together(runs, equation, friction)
     _check(found, rig)
-    return _result(found, prepared, _evaluate(found, rig, 0.0), []), unit
+    scattered, notes = _drag_between(found) if unit is None else (0.0, [])
+    result = _result(found, prepared, _evaluate(found, rig, scattered), notes)
+    return result if unit is None else unscaled(result, Reference(f"{FRICTION}{unit}", unit, rig), rig)
 
 
 def _parts(prepared: Sequence[Prepared]) -> list[Part]:
@@ -97,9 +90,9 @@ def part_of_run(prepared: Prepared) -> Part:
     return replace(part, log=log, motion=motion, start=start, stop=stop, note=note)
 
 
-def _require_scale(rig: Rig, runs: Sequence[Run]) -> None:
+def _require_scale(rig: Rig, runs: Sequence[Run], unit: str | None) -> None:
     """Raise UnanswerableError where only added bodies could set the scale, and they are equal in all logs."""
-    if turns_freely(rig) and len({run.added for run in runs}) == 1:
+    if turns_freely(rig) and unit is None and len({run.added for run in runs}) == 1:
         raise UnanswerableError(
             f"rig {rig.name}: without a drive, gravity or spring only logs with different known bodies set the scale, "
             "and the inertia added is the same in all logs; give a log with and one without a known body.",
@@ -154,12 +147,6 @@ def _evaluate(found: Together, rig: Rig, drag: float) -> Evaluated:
     return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)
 
 
-def _friction_rows(found: Together) -> Array:
-    """The torque of the fitted friction in each row (N m s or N s)."""
-    law = found.law
-    return law.rows.sum_of({name: law.value(name) for name in law.friction})
-
-
 def _drag_between(found: Together) -> tuple[float, list[Message]]:
     """Standard uncertainty of a11 by drag that differs between logs, and a note on what depends on its constancy.
 
@@ -168,9 +155,9 @@ def _drag_between(found: Together) -> tuple[float, list[Message]]:
     law, runs = found.law, found.runs
     if len(runs) < 2 or found.runs[0].part.rig.drive.kind != "none":
         return 0.0, []
-    friction = _friction_rows(found)
+    friction = law.rows.sum_of({name: law.value(name) for name in law.friction})  # N m s or N s
     effects, columns = [], []
-    for k, at in enumerate(found.places):
+    for k, at in enumerate(found.places(law.half)):
         own = np.zeros_like(friction)
         own[at] = friction[at]
         effects.append(-float(law.fit.influence[0] @ own))
@@ -192,14 +179,10 @@ def _drag_between(found: Together) -> tuple[float, list[Message]]:
 
 def _factors(columns: Array, known: Array, extra: Sequence[Array]) -> float:
     """Standard deviation of the factors of the friction of single logs, beyond what the scatter of the rows gives."""
-    matrix = np.column_stack([columns, *extra])
-    scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-    solved = np.linalg.lstsq(matrix / scale, known, rcond=None)[0]
-    residuals = known - matrix / scale @ solved
-    spare = max(len(known) / (LAG / 2) - len(solved), 1.0)
-    inverse = np.linalg.pinv((matrix / scale).T @ (matrix / scale))
-    variance = float(residuals @ residuals) / spare * np.diag(inverse) / scale**2
-    factors, own = (solved / scale)[-len(extra) :], variance[-len(extra) :]
+    fit = fit_linear(np.column_stack([columns, *extra]), known)
+    spare = max(len(known) / (LAG / 2) - len(fit.values), 1.0)
+    own = float(fit.residuals @ fit.residuals) / spare * np.sum(fit.influence[-len(extra) :] ** 2, axis=1)
+    factors = fit.values[-len(extra) :]
     # a factor is the difference of two logs
     return float(np.sqrt(max(np.mean(factors**2 - own), 0.0) / 2))
 
@@ -253,8 +236,6 @@ def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated,
     ]
     for run in found.runs:
         add_findings(run.part.log, warnings, notes, used=(run.part.start, run.part.stop))
-    evaluated = replace(evaluated, sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0]))
-    single = len(prepared) == 1
     return Result(
         method="momentum",
         status="warning" if warnings else "ok",
@@ -263,8 +244,8 @@ def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated,
         notes=tuple(dict.fromkeys(notes)),
         budget=tuple(evaluated.budget),
         provenance=_provenance(found, prepared),
-        details=_details(found) if single else None,
-        sensitivities=evaluated.sensitivities,
+        details=_details(found) if len(prepared) == 1 else None,
+        sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0]),
         correlation=evaluated.correlation,
     )
 
@@ -278,8 +259,8 @@ def _details(found: Together) -> Details:
         turning_times=run.signals.motion.turning_times,
         turning_angles=run.signals.motion.turning_angles,
         window=law.half,
-        residual_times=found.own[0].windows.centres,
-        residuals=law.fit.residuals[: len(found.own[0].windows)] / (found.own[0].windows.half * 32 / 35),
+        residual_times=run.rows(law.half).windows.centres,
+        residuals=law.fit.residuals / (law.rows.windows.half * 32 / 35),
         left_out=run.part.log.left_out,
     )
 
@@ -298,8 +279,5 @@ def _provenance(found: Together, prepared: Sequence[Prepared]) -> dict[str, obje
     ]
     if len(each) == 1:
         return each[0] | {"preparation": preparation[0]}
-    first = {key: value for key, value in each[0].items() if key not in ("log", "log_sha256", "rows")}
-    listed = {"logs": "log", "logs_sha256": "log_sha256"}
-    logs: dict[str, object] = {key: [one[name] for one in each] for key, name in listed.items()}
     bodies = [{"value": run.added.value, "std": run.added.std} for run in found.runs]
-    return logs | first | {"added": bodies, "preparation": preparation}
+    return of_several(each[0], each) | {"added": bodies, "preparation": preparation}

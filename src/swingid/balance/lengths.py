@@ -1,0 +1,41 @@
+"""The search for the length of the windows: octaves downwards while the uncertainty falls, then beside the best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from swingid.balance.fits import WindowFit
+
+WORSE = 2.5
+"""Ratio of relative uncertainties from which on shorter windows are not tried."""
+
+
+def search(fit_at: Callable[[float], WindowFit | None], longest: float, shortest: float) -> dict[float, WindowFit]:
+    """Fits by half-length (s) from `longest` down to above `shortest`, in the order in which they were tried.
+
+    fit_at: from a half-length to its fit, None where there are too few rows. Empty where no length gives a fit.
+    """
+    tried: dict[float, WindowFit] = {}
+
+    def attempt(half: float) -> None:
+        fit = fit_at(half)
+        if fit is not None and np.isfinite(fit.u):
+            tried[half] = fit
+
+    def relative(half: float) -> float:
+        return tried[half].relative(tried[half].u)
+
+    half = longest
+    while half > shortest:
+        attempt(half)
+        if half in tried and relative(half) > WORSE * min(map(relative, tried)):
+            break
+        half /= 2
+    if tried:
+        best = min(tried, key=relative)
+        for neighbour in (best / np.sqrt(2), best * np.sqrt(2)):
+            if shortest < neighbour < longest:
+                attempt(neighbour)
+    return tried

@@ -120,27 +120,22 @@ def _columns(fit: WindowFit, signals: Signals, turn: float) -> dict[str, tuple[f
     found, rows, values = {}, fit.rows, fit.coefficients
     if signals.wheel is not None or signals.torque is not None:
         found["latency"] = PRIOR_LATENCY, late_error(rows, signals, values)
-    if signals.wheel is not None:
-        waves = _waves("wheel", signals.wheel / turn)
-        columns = shaped_errors(rows, signals, "wheel", waves.values(), values)
+    wheel = None if signals.wheel is None else signals.wheel / turn
+    for channel, angle in (("wheel", wheel), ("angle", None if signals.linear else signals.angle)):
+        if angle is None:
+            continue
+        if channel == "angle" and fit.value("gravity_torque"):
+            found["zero"] = PRIOR_ZERO, _zero_column(fit, signals)
+        # nonlinearity once and twice per turn
+        shapes = ((k, name, of(k * angle)) for k in (1, 2) for name, of in (("cosine", np.cos), ("sine", np.sin)))
+        waves = {f"{channel} {k} {name}": shape for k, name, shape in shapes}
+        columns = shaped_errors(rows, signals, channel, waves.values(), values)
         found |= {name: (PRIOR_ENCODER, column) for name, column in zip(waves, columns.T, strict=True)}
-    if signals.linear:
-        return found
-    waves = _waves("angle", signals.angle)
-    if fit.value("gravity_torque"):
-        found["zero"] = PRIOR_ZERO, _zero_column(fit, signals)
-    columns = shaped_errors(rows, signals, "angle", waves.values(), values)
-    return found | {name: (PRIOR_ENCODER, column) for name, column in zip(waves, columns.T, strict=True)}
+    return found
 
 
 def _zero_column(fit: WindowFit, signals: Signals) -> Array:
     return shaped_errors(fit.rows, signals, "angle", [np.ones_like(signals.angle)], fit.coefficients)[:, 0]
-
-
-def _waves(which: str, angle: Array) -> dict[str, Array]:
-    """Encoder nonlinearity once and twice per turn, by name."""
-    shapes = (("cosine", np.cos), ("sine", np.sin))
-    return {f"{which} {k} {name}": shape(k * angle) for k in (1, 2) for name, shape in shapes}
 
 
 def zero_of(fits: list[WindowFit], signals: Signals) -> Extra | None:

@@ -220,9 +220,20 @@ def fit_rows(
     covariance = hac_covariance(fit.influence * fit.residuals, reach, len(unknowns), int(usable.sum()))
     half = 1 / row_filter.cutoff.frequency
     return RowFit(
-        unknowns, fit, covariance, rows, equation, part.noise, half,
-        weights=weights, inverse=inverse, lag=lag, reach=reach, row_filter=row_filter, part=part,
-    )  # fmt: skip
+        unknowns,
+        fit,
+        covariance,
+        rows,
+        equation,
+        part.noise,
+        half,
+        weights=weights,
+        inverse=inverse,
+        lag=lag,
+        reach=reach,
+        row_filter=row_filter,
+        part=part,
+    )
 
 
 def lagged(columns: Array, usable: Bools, lag: int, unknowns: tuple[str, ...]) -> tuple[Array, Bools]:

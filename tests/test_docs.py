@@ -43,12 +43,6 @@ def test_the_list_of_modules_is_up_to_date() -> None:
     assert (DOCS / "modules.md").read_text(encoding="utf-8") == tool.page()
 
 
-def test_architecture_names_every_folder() -> None:
-    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
-    folders = {str(path.parent.relative_to(PACKAGE)) for path in PACKAGE.rglob("*.py")} - {"."}
-    assert {folder for folder in folders if f"| `{folder}/` |" not in text} == set()
-
-
 def test_layers_in_architecture_are_those_of_the_contract() -> None:
     import tomllib
 

@@ -71,7 +71,7 @@ def test_the_tables_of_the_page_are_those_of_results_json() -> None:
 
 def test_every_equation_is_where_the_architecture_page_says() -> None:
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    text = text.split("## Where the paper's equations are")[1].split("## How to add")[0]
+    text = text.split("## Where the paper's equations are")[1].split("## Rules behind the code")[0]
     equations = {int(k) for row in re.findall(r"^\| ([^|]+) \|", text, re.M) for k in re.findall(r"\((\d+)\)", row)}
     assert equations == set(range(1, 24))
     places = re.findall(r"`([\w/]+\.py):(\w+)`", text)

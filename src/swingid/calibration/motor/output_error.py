@@ -138,9 +138,8 @@ class Shots:
         states = np.hstack([np.zeros_like(starts), starts])
         p = wheel_vector(values)
         steps = steps_of(STEP_KERNEL, BEGIN_KERNEL, self.time, inputs, flags, self.rows, states, p)
-        outputs, rates = (self.wheel, self.wheel) if steps is None else read_along(*steps)
-        none = np.empty((len(outputs), 0))
-        return Prediction(outputs - values[COUPLING] * self.rough, none, steps is not None, rates, steps)
+        found = read_along(steps, self.wheel)
+        return replace(found, outputs=found.outputs - values[COUPLING] * self.rough)
 
     def slopes(self, values: Array, steps: Steps) -> Array:
         """Derivatives (n, 9) along the steps of a motion, by the initial values and the products (7,)."""

@@ -6,6 +6,7 @@ from swingid.model import parameters as at
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, stated_at
+from swingid.numerics.arrays import Array
 from swingid.units import Quantity
 
 Places = tuple[tuple[int, float], ...]
@@ -66,19 +67,9 @@ def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:
     return (found.value, found.std) if isinstance(found, Quantity) else (0.0, None)
 
 
-def scaled_places(rig: Rig) -> Places:
-    """Places of the motor's torques that a common scale of them moves, with the stated values as weights."""
-    motor = rig.drive.motor
-    assert motor is not None
-    low, high = motor.dead_zone
-    stated = {at.C1: motor.torque_per_volt, at.C2: motor.back_emf, at.F2: motor.viscous, at.F3: motor.coulomb}
-    held = abs(motor.gear_ratio.value) * motor.coulomb.value
-    values = {place: quantity.value for place, quantity in stated.items()} | {
-        at.WHEEL_STATIC: held,
-        at.D1: high,
-        at.D2: low,
-    }
-    return tuple(values.items())
+def scaled_places(p: Array) -> Places:
+    """Places of the motor's torques that a common scale of them moves, with those of the rig's vector as weights."""
+    return tuple((place, float(p[place])) for place in (at.C1, at.C2, at.F2, at.F3, at.WHEEL_STATIC, at.D1, at.D2))
 
 
 def is_felt(key: str, input: str) -> bool:

@@ -29,6 +29,7 @@ from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, FURTHER, GEAR, 
 from swingid.model.sticking import Begin, stop_reversed
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import KernelPointer, njit, njit_inlined, place
+from swingid.numerics.shooting import Prediction
 
 READ_ANGLE, READ_WHEEL = 1, 2
 """Bits of `flags`: the angle, the wheel's angle is read at this knot."""
@@ -172,12 +173,16 @@ def steps_of(
     return None
 
 
-def read_along(nodes: Array, begins: Ints) -> tuple[Array, Array]:
-    """What is read along the steps of a motion, and its rates, without derivatives."""
-    nodes = nodes[: begins[-1]]
+def read_along(steps: Steps | None, measured: Array) -> Prediction:
+    """What is read along the steps of a motion, without derivatives; not finite where it diverges from `measured`."""
+    none = np.empty((len(measured), 0))
+    if steps is None:
+        return Prediction(measured, none, finite=False)
+    nodes = steps[0][: steps[1][-1]]
     flags = nodes[:, FLAG].astype(np.int64)
     read = (flags[:, None] & (READ_ANGLE, READ_WHEEL)) > 0
-    return nodes[:, ANGLE : TURN + 1 : 2][read], nodes[:, SPEED : WHEEL + 1 : 2][read]
+    outputs, rates = nodes[:, ANGLE : TURN + 1 : 2][read], nodes[:, SPEED : WHEEL + 1 : 2][read]
+    return Prediction(outputs, none, rates=rates, steps=steps)
 
 
 @njit

@@ -13,7 +13,7 @@ from swingid.methods.output_error.axis_motion import AXIS_BEGIN, AXIS_STEP
 from swingid.methods.output_error.motion import PLAIN, Steps, read_along, read_with_slopes, steps_of
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
 from swingid.model.integrator import STEP_KERNEL
-from swingid.model.parameters import A12, D1, D2, DIRECT, GEAR, SIZE, WHEEL_STATIC
+from swingid.model.parameters import A12, D1, D2, DIRECT, GEAR, WHEEL_STATIC
 from swingid.model.sticking import BEGIN_KERNEL
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.shooting import Prediction, Shooting
@@ -73,22 +73,10 @@ class Problem:
         p = self._constants(p)
         steps = self._steps(p, states) if same is None else same.steps
         if steps is None:
-            return Prediction(self.measured, np.empty((len(self.measured), 0)), finite=False)
+            return read_along(None, self.measured)
         initial = np.where(np.arange(4) < self.states, np.arange(4), -1)
         outputs, rates, slopes = read_with_slopes(steps, initial, p, entries, peaks, self.states + unknowns)
         return Prediction(outputs, slopes, rates=rates, steps=steps)
-
-    def with_peaks(
-        self, p: Array, entries: Entries, states: Array, unknowns: int, same: Prediction, peaks: Array
-    ) -> Prediction:
-        """As `predict` of a motion that has no Stribeck's peak, with further slopes: by the heights of k peaks.
-
-        same: a prediction of this motion; peaks (k,): their speeds (rad/s). One column of slopes is left at the end.
-        """
-        places = SIZE + np.arange(len(peaks))
-        more = places, places - SIZE + self.states + unknowns, np.ones(len(peaks))
-        places, columns, weights = (np.concatenate(pair) for pair in zip(entries, more, strict=True))
-        return self.predict(p, (places, columns, weights), states, unknowns + len(peaks) + 1, same, peaks)
 
     def _constants(self, p: Array) -> Array:
         """The constants as the motion takes them: with another input than the voltage the motor does nothing."""
@@ -138,10 +126,7 @@ class Problem:
     def moved(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:
         """The same readings without their derivatives (r, 0)."""
         steps = self._steps(self._constants(unknowns.vector(values)), states)
-        outputs, rates = (self.measured, self.measured) if steps is None else read_along(*steps)
-        none = np.empty((len(self.measured), 0))
-        prediction = Prediction(outputs, none, steps is not None, rates, steps)
-        return as_read(prediction, self, unknowns.names, values)
+        return as_read(read_along(steps, self.measured), self, unknowns.names, values)
 
     def part(self, chosen: list[int], most: int = 1 << 62) -> Problem:
         """The problem of some of the segments; most: knots of each, from its first one on."""

@@ -16,7 +16,7 @@ from swingid.methods.output_error.constants import constant_value, free_key
 from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns, entries_of
-from swingid.model.parameters import PLACES
+from swingid.model.parameters import PLACES, SIZE
 from swingid.model.terms import power_of
 from swingid.numerics.arrays import Array
 from swingid.numerics.gauss_newton import SAME, fit_at, solve, solve_near
@@ -221,9 +221,10 @@ def _products(rough: Searched, body: list[int], peaks: Array) -> tuple[Reduced, 
     problem, unknowns, fit = rough.problem, rough.unknowns, rough.fit
     names = (*(unknowns.names[k] for k in body), *EXACT)
     places = [*(unknowns.items[k].places for k in body), *(PLACES_OF_TERMS[name] for name in EXACT)]
-    entries = entries_of(places, problem.states)
-    p = unknowns.vector(fit.values)
-    prediction = problem.with_peaks(p, entries, fit.states, len(places), fit.prediction, peaks)
+    # a column for each peak, whose height the motion does not have, and one for the residuals
+    places += [*(((SIZE + k, 1.0),) for k in range(len(peaks))), ()]
+    p, entries = unknowns.vector(fit.values), entries_of(places, problem.states)
+    prediction = problem.predict(p, entries, fit.states, len(places), fit.prediction, peaks)
     read = np.concatenate([fit.values[body], np.zeros(len(EXACT))])
     extended = as_read(prediction, problem, names, read).slopes
     extended[:, -1] = problem.sigma * fit.residuals

@@ -9,7 +9,7 @@ unknown too: its deviation from the stated value, with prior.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -185,8 +185,8 @@ def unknowns_of(
     estimated with the stated value as prior; readings: the same of the sensors, with the standard deviations.
     Raises UsageError for an unknown law or constant.
     """
-    places = constant_places(rig, equation)
-    units = units_on(linear=equation.linear)
+    places, units = constant_places(rig, equation), units_on(linear=equation.linear)
+    base = _stated(rig, equation, places)
     items = [Unknown("inertia", equation.unit, 1e-12, np.inf, ((A11, 1.0),))]
     for name in dict.fromkeys((*(("gravity_torque",) if equation.seeks("gravity_torque") else ()), *free)):
         key = free_key(name)
@@ -212,13 +212,18 @@ def unknowns_of(
         _about_stated(rig, equation, key, places[key]) for key in uncertain if key in places and key not in sought
     ]
     if SCALE in uncertain:
-        items.append(Unknown(SCALE, "1", -0.9, FARTHEST * ANY_SCALE, constants.scaled_places(rig), ANY_SCALE))
+        items.append(Unknown(SCALE, "1", -0.9, FARTHEST * ANY_SCALE, constants.scaled_places(base), ANY_SCALE))
     for key, std in readings.items():
         unit = "s" if key.endswith("latency") else "rad"
         items.append(Unknown(key, unit, -FARTHEST * std, FARTHEST * std, (), std))
     if resolution > 0 and not equation.linear and equation.stated.get("gravity_torque") != 0:
         items.append(_zero_within(resolution))
-    return Unknowns(tuple(items), _base(rig, equation, items))
+    for item in items:
+        if item.is_sought and item.name not in FRICTION and item.name != "inertia":
+            value = 0.0 if item.name in equation.sought else constant_value(rig, free_key(item.name))[0]
+            for place, weight in item.places:
+                base[place] -= weight * value
+    return Unknowns(tuple(items), base)
 
 
 def _about_stated(rig: Rig, equation: Equation, key: str, places: Places) -> Unknown:
@@ -231,12 +236,10 @@ def _about_stated(rig: Rig, equation: Equation, key: str, places: Places) -> Unk
     return Unknown(key, constants.unit_of(key, equation), low, widest, places, std)
 
 
-def _base(rig: Rig, equation: Equation, items: list[Unknown]) -> Array:
-    """The vector of the rig's constants with every unknown at zero (and every deviation from what is stated)."""
+def _stated(rig: Rig, equation: Equation, keys: Iterable[str]) -> Array:
+    """The vector (SIZE,) of the constants `keys` as the rig states them, with an inertia J1 of 0 and no friction."""
     stated: dict[str, float] = {"axis.inertia": 1.0, "axis.gravity_torque": equation.value("gravity_torque")}
-    for key in constant_places(rig, equation):
-        if key.startswith("drive."):
-            stated[key] = constant_value(rig, key)[0]
+    stated |= {key: constant_value(rig, key)[0] for key in keys if key.startswith("drive.")}
     if rig.drive.motor is not None:
         stated["drive.motor.dead_zone.negative"], stated["drive.motor.dead_zone.positive"] = rig.drive.motor.dead_zone
     if rig.drive.wheel is not None:
@@ -245,10 +248,4 @@ def _base(rig: Rig, equation: Equation, items: list[Unknown]) -> Array:
     base[A11] -= 1.0
     for term in equation.further:
         add_term(base, term.term, equation.value(term.name), *term.at)
-    for item in items:
-        if item.name == "inertia" or item.name in FRICTION or not item.is_sought:
-            continue
-        value = stated.get(free_key(item.name), 0.0)
-        for place, weight in item.places:
-            base[place] -= weight * value
     return base

@@ -134,6 +134,7 @@ _RECORDS = (
     Term("viscous_even", "", "direction-dependent friction", *_VISCOUS, power=1, signed=True),
     Term("stribeck", "", "Stribeck's peak", *_N),
     Term("memory", "", "dynamic friction", "N m s", "N s", signed=True),
+    Term("memory_equal", "", "dynamic friction alike at all reversals", "N m s", "N s", signed=True),
     # The drive.
     Term("wheel_inertia", "drive.wheel.inertia", "wheel inertia", "kg m^2", None, "J₂"),
     Term("rotor_inertia", f"{_M}.rotor_inertia", "rotor inertia", "kg m^2", None, "Jr"),

@@ -149,7 +149,7 @@ def estimate(
     dry = abs(float(law.torque(np.array([1e-9]))[0] - law.torque(np.array([-1e-9]))[0])) / 2
     dry += float(np.abs(np.mean(levels)))
     seen = size > DETECTED * spread and impulse_possible(equation, part.motion, size, dry)
-    impulse = impulse_left(impulse_of(late, law.torque, levels), size, spread)
+    impulse, _ = impulse_left(impulse_of(late, law.torque, levels), size, spread)
     chosen, more = (memory, ("memory",)) if seen else (plain, ())
     fits = [(other, _fit(part, equation, row_filter, other, more, instruments, plain.lag), w) for other, w in others]
     cutoff = row_filter.cutoff

@@ -45,6 +45,7 @@ class Body:
     order: float = 1.0
     phase: float = 0.0
     load: float = 0.0
+    drag: float = 0.0
 
     def release(self, q1):
         dry = max(self.static, self.coulomb) + self.load * abs(math.cos(q1))
@@ -66,6 +67,7 @@ class Body:
         r1 -= self.stiffness * (q1 - self.zero) + self.cogging * math.sin(self.order * q1 + self.phase)
         r1 -= s1 * self.load * abs(math.cos(q1))
         r1 -= self.viscous * v1 + self.quadratic * v1 * abs(v1) + self.cubic * v1**3
+        r1 -= self.drag * v1 * math.sqrt(abs(v1))
         if self.sigma0:
             r1 -= self.sigma0 * z + self.sigma1 * self.bristle(v1, z)
         else:

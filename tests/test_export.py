@@ -79,8 +79,9 @@ SIDED = NONE.replace(
     "viscous_positive = 1e-3\nviscous_negative = 2e-3\ncoulomb_positive = 2e-3\ncoulomb_negative = 1e-3",
 )
 COGGED = NONE + "[axis.cogging]\namplitude = 2e-3\norder = 6\nphase = 0.3\n"
+DRAGGED = NONE.replace("viscous = 1e-3", "viscous = 1e-3\ndrag = 1e-3")
 RIGS = {"wheel": WHEEL, "none": NONE, "direct": DIRECT, "slide": SLIDE}
-ROUGH_RIGS = RIGS | {"rough": ROUGH, "sided": SIDED, "cogged": COGGED}
+ROUGH_RIGS = RIGS | {"rough": ROUGH, "sided": SIDED, "cogged": COGGED, "dragged": DRAGGED}
 RATE, DURATION = 1000.0, 5.0
 
 
@@ -89,7 +90,7 @@ def case(text: str) -> tuple[Result, sw.Rig]:
     rig = sw.Rig.from_text(text)
     names = ("viscous", "coulomb", "static", "stribeck_speed", "quadratic", "cubic", "offset")
     sided = ("viscous_positive", "viscous_negative", "coulomb_positive", "coulomb_negative")
-    found = {name: getattr(rig.axis.friction, name) for name in (*names, *sided)}
+    found = {name: getattr(rig.axis.friction, name, None) for name in (*names, *sided, "drag")}
     values = {"inertia": rig.axis.inertia, **found}
     unit = "kg" if rig.axis.kind == "linear" else "kg m^2"
     parameters = {
@@ -134,14 +135,19 @@ def test_mujoco_moves_like_the_twin(tmp_path: Path, name: str) -> None:
     assert error.max() < 1e-4  # the wheel turns by hundreds of radians
 
 
-@pytest.mark.parametrize("name", ["rough", "sided", "cogged"])
+@pytest.mark.parametrize("name", ["rough", "sided", "cogged", "dragged"])
 @pytest.mark.parametrize("to", ["mjcf", "urdf"])
 def test_what_a_format_lacks_is_said_and_stands_in_the_file(
     tmp_path: Path, name: str, to: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result, rig = case(ROUGH_RIGS[name])
     done = export(result, rig, to, tmp_path / f"rig{FORMATS[to][1]}")
-    words = {"rough": ("Stribeck", "dead zone", "constant torque"), "sided": ("directions",), "cogged": ("cogging",)}
+    words = {
+        "rough": ("Stribeck", "dead zone", "constant torque"),
+        "sided": ("directions",),
+        "cogged": ("cogging",),
+        "dragged": ("drag of power 3/2",),
+    }
     text = (tmp_path / f"rig{FORMATS[to][1]}").read_text(encoding="utf-8")
     for word in words[name]:
         assert word in done.summary()

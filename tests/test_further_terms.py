@@ -29,11 +29,13 @@ SOUGHT = {
     "spring": {"axis.stiffness": "unknown", "axis.spring_zero": None},
     "cogging": {"axis.cogging": {"order": 7.0, "amplitude": "unknown"}},
     "load": {},
+    "drag": {},
 }
 TRUE = {
     "spring": {"stiffness": 0.05},
     "cogging": {"cogging_sine": 4e-3 * np.cos(0.7), "cogging_cosine": 4e-3 * np.sin(0.7)},
     "load": {"load": 6e-3},
+    "drag": {"drag": 4e-4},
 }
 
 
@@ -152,7 +154,9 @@ def test_a_method_finds_the_inertia_and_the_term(case, method):
     assert abs(found.inertia.value / 302.2e-5 - 1) < 5e-3
     for key, truth in TRUE[name].items():
         assert off(found.parameters[key], truth) < 3
-        assert found.parameters[key].standard_uncertainty < 0.1 * 6e-3 + 0.05 * abs(truth)
+        # by energies a drag is hardly told from viscous and quadratic friction
+        least = 8e-4 if (name, method) == ("drag", "energy") else 0.1 * 6e-3
+        assert found.parameters[key].standard_uncertainty < least + 0.05 * abs(truth)
         assert found.parameters[key].unit == TERMS[key].unit
 
 
@@ -169,7 +173,7 @@ KEYS = {
 @pytest.mark.parametrize("method", METHODS)
 def test_a_stated_term_is_known_with_its_uncertainty(case, method):
     name, rig, log = case
-    if name == "load":
+    if name not in STATED:
         return
     found = sw.identify(log, rig.changed(STATED[name]), method=method)
     assert off(found.inertia, 302.2e-5) < 3
@@ -183,8 +187,9 @@ def test_a_stated_term_is_known_with_its_uncertainty(case, method):
 def test_the_budget_holds_what_a_wrong_constant_does():
     rig = paper_rig(**CASES["spring"], **SENSORS)
     log = made_log(rig)
-    exact = sw.identify(log, rig.changed({"axis.stiffness": 0.05}))
-    wrong = sw.identify(log, rig.changed({"axis.stiffness": 0.0501}))
+    # a wrong spring may look like an impulse at the reversals
+    exact = sw.identify(log, rig.changed({"axis.stiffness": 0.05}), memory="off")
+    wrong = sw.identify(log, rig.changed({"axis.stiffness": 0.0501}), memory="off")
     slope = (wrong.inertia.value - exact.inertia.value) / 1e-4
     assert exact.sensitivities["axis.stiffness"] == pytest.approx(slope, rel=0.1)
     note = next(note.message for note in exact.notes if note.code == "exact-constants")
@@ -222,7 +227,7 @@ def test_a_spring_alone_sets_the_scale_of_a_free_decay():
 def test_a_result_with_terms_predicts_the_log(case):
     name, rig, log = case
     given = rig.changed(
-        SOUGHT[name] | {"axis.friction": None} | ({"axis.friction.load": "unknown"} if name == "load" else {})
+        SOUGHT[name] | {"axis.friction": None} | ({f"axis.friction.{name}": "unknown"} if not SOUGHT[name] else {})
     )
     p = model_vector(sw.identify(log, given), given)
     truth = rig_vector(rig)
@@ -233,7 +238,7 @@ def test_a_result_with_terms_predicts_the_log(case):
 
 def test_backstepping_refuses_the_term_by_its_key(case):
     _, rig, log = case
-    with pytest.raises(UnanswerableError, match=r"axis\.(stiffness|cogging|friction\.load)"):
+    with pytest.raises(UnanswerableError, match=r"axis\.(stiffness|cogging|friction\.(load|drag))"):
         sw.identify(log, rig, method="backstepping")
 
 

@@ -255,7 +255,10 @@ def test_scatter_counts_where_it_is_more_than_the_sensors_explain():
 
 
 def test_white_noise_is_told_as_the_sum_over_windows_that_it_is():
-    """The standard uncertainty is that of 40 draws of the noise, within the 11 % that 40 draws tell."""
+    """The standard uncertainty is that of 40 draws of the noise, within the 11 % that 40 draws tell.
+
+    Of friction that is known to have no memory, which noise this large would hide.
+    """
     rig = exact_rig()
     exact = wheel_log(rig, ONE_TONE, friction, np.arange(8001) / 1000)
     rng = np.random.default_rng(5)
@@ -266,7 +269,7 @@ def test_white_noise_is_told_as_the_sum_over_windows_that_it_is():
             angle=exact.angle + 1e-3 * rng.standard_normal(len(exact)),
             wheel_angle=exact.wheel_angle + 1e-3 * rng.standard_normal(len(exact)),
         )
-        found = identify(noisy, rig).inertia
+        found = identify(noisy, rig, memory="off").inertia
         values.append(found.value)
         claimed.append(found.standard_uncertainty)
     assert np.median(claimed) == pytest.approx(np.std(values, ddof=1), rel=0.3)
@@ -289,14 +292,17 @@ def test_the_place_of_a_grid_counts_where_white_noise_does_not():
 
 @pytest.mark.parametrize("samples", [400, 401.3])
 def test_errors_of_an_encoder_that_come_again_are_known(samples):
-    """So many rows in a period: where it is a whole number, each period meets the same places of the grid."""
+    """So many rows in a period: where it is a whole number, each period meets the same places of the grid.
+
+    Of friction that is known to have no memory.
+    """
     step = 2 * np.pi / 16384
     exact = wheel_log(exact_rig(), ONE_TONE, friction, np.arange(10_000) * 2 * np.pi / 8.5 / samples)
     rng = np.random.default_rng(3)
     errors, claimed = [], []
     for shift in step * (rng.random(24) - 0.5):
         found = identify(
-            replace(exact, angle=step * np.round((exact.angle + shift) / step) - shift), exact_rig()
+            replace(exact, angle=step * np.round((exact.angle + shift) / step) - shift), exact_rig(), memory="off"
         ).inertia
         errors.append(found.value - INERTIA)
         claimed.append(found.standard_uncertainty)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from swingid.balance.choice import impulse_left
 from swingid.checks.place import PLACE
 from swingid.control.compensator import Compensator
 from swingid.control.references import Multisine, Sine
@@ -186,3 +187,56 @@ def test_the_impulse_at_reversals_is_reported_and_can_be_set() -> None:
     assert abs(found["auto"].inertia.value - TRUTH) < 0.1 * abs(found["off"].inertia.value - TRUTH)
     with pytest.raises(UsageError, match="memory must be one of auto, on, off"):
         sw.identify(log, PAPER, memory="maybe")
+
+
+TWO_TONES = Multisine((Sine(0.5, 5.0), Sine(0.3, 8.5)))
+
+
+@pytest.mark.parametrize("start", ["two tones", "decay"])
+def test_the_impulse_of_bristles_depends_on_the_acceleration_of_the_reversal(start: str) -> None:
+    """Two tones have reversals of a tenth of the acceleration of others, and small ones within a swing."""
+    rig = (PAPER if start == "two tones" else FREE).changed({"sensors.counts_per_turn": 131072})
+    twin = rig.changed(
+        {"axis.friction.coulomb": 3e-3, "axis.friction.lugre": {"bristle_stiffness": 3.0, "bristle_damping": 0.01}}
+    )
+    log = driven(twin, TWO_TONES) if start == "two tones" else sw.simulate(twin, duration=12.0, initial_angle=0.9)
+    result = sw.identify(log, rig)
+    assert abs(result.inertia.value / TRUTH - 1) < 2e-4
+    assert missed(result) < 1
+    assert spread(result) < 5e-4 * TRUTH
+
+
+def test_an_impulse_too_small_to_be_significant_is_not_left_out() -> None:
+    """Three standard uncertainties of it, which would bias the inertia by 4e-4."""
+    rig = PAPER.changed({"sensors.counts_per_turn": 4096, "sensors.noise": 3e-4})
+    twin = rig.changed(
+        {"axis.friction.coulomb": 3e-3, "axis.friction.lugre": {"bristle_stiffness": 3.0, "bristle_damping": 0.01}}
+    )
+    held = [missed(sw.identify(driven(twin, seed=seed), rig)) < 1 for seed in range(6)]
+    assert sum(held) >= 5
+
+
+def test_what_is_left_of_an_impulse() -> None:
+    """As likely a priori are no memory and one of the usual size; without either the rows say it all."""
+    assert impulse_left(0.0, 1.0, 2.0) == (0.0, 0.5)
+    assert impulse_left(1e6, 1.0, 2.0)[0] == pytest.approx(5.0**0.5)
+    usual = [impulse_left(0.1, found, 1.0, usual=3.0) for found in (0.0, 1.0, 2.0, 3.0, 4.0)]
+    assert usual[0][0] < 0.5
+    assert usual[0][1] < 0.3
+    assert all(later > one for one, later in pairwise(usual))
+    assert usual[-1][0] == pytest.approx(impulse_left(3.0, 4.0, 1.0)[0], rel=0.05)
+    assert usual[-1][1] > 0.99
+    assert impulse_left(0.1, 1.0, 1.0, usual=1e-6) == pytest.approx(impulse_left(0.1, 1.0, 1.0))
+
+
+def test_the_weights_of_reversals_are_the_impulses_of_bristles() -> None:
+    """∫(F − Fc sgn v) dt of LuGre after a reversal of acceleration A, by its own equation."""
+    level, sigma0, sigma1 = 3e-3, 3.0, 0.01
+    for acceleration in (6.0, 60.0):
+        time = np.linspace(0.0, 12 * np.sqrt(level / (sigma0 * acceleration)), 20001)
+        speed = acceleration * time
+        z = level / sigma0 * (1 - 2 * np.exp(-sigma0 / level * acceleration * time**2 / 2))
+        force = sigma0 * z + sigma1 * speed * (1 - sigma0 * z / level)
+        impulse = np.trapezoid(force - level, time)
+        way = -2 * level * np.sqrt(np.pi * level / (2 * sigma0 * acceleration))
+        assert impulse == pytest.approx(way + 2 * sigma1 * level / sigma0, rel=1e-4)

@@ -28,10 +28,12 @@ FURTHER = {
     "spring": {"axis.stiffness": 0.05, "axis.spring_zero": 0.2},
     "cogging": {"axis.cogging": {"order": 7.0, "amplitude": 4e-3, "phase": 0.7}},
     "load": {"axis.friction.load": 6e-3},
+    "drag": {"axis.friction.drag": 4e-4},
     "all": {
         "axis.stiffness": 0.05,
         "axis.cogging": {"order": 7.0, "amplitude": 4e-3, "phase": 0.7},
         "axis.friction.load": 25e-3,
+        "axis.friction.drag": 4e-4,
     },
 }
 """What rig.toml says of terms beyond gravity and friction of the speed."""
@@ -79,6 +81,7 @@ def body_of(rig):
         ("stiffness", axis, "stiffness"),
         ("zero", axis, "spring_zero"),
         ("load", friction, "load"),
+        ("drag", friction, "drag"),
         ("cogging", axis.cogging, "amplitude"),
         ("phase", axis.cogging, "phase"),
     ):

@@ -121,18 +121,18 @@ def noise_of(noise: float, span: float, unit: str, digits: int = 3, *, fine: boo
 def pretty_unit(unit: str) -> str:
     """'kg*m^2' → 'kg m²'; what is pretty already stays."""
     text = unit.replace("**", "^").replace("*", " ").replace("·", " ")
-    text = re.sub(r"\^\(?([-+]?\d+)\)?", lambda match: match[1].translate(RAISED), text)
+    text = re.sub(r"\^\(?([-+]?\d+)\)?(?![.\d])", lambda match: match[1].translate(RAISED), text)
     return re.sub(r"\s+", " ", text).strip()
 
 
 @cache
-def time_power(unit: str) -> int:
+def time_power(unit: str) -> float:
     """Power of the time in an SI unit as parameters have it: −2 of "N m", −1 of "N m s", 0 of "kg m^2"."""
     over, _, under = unit.partition("/")
-    powers = [0]
+    powers = [0.0]
     for side, sign in ((over, 1), (under, -1)):
         for name, _, power in (factor.partition("^") for factor in side.split()):
-            powers.append(sign * {"N": -2, "s": 1}.get(name, 0) * int(power or 1))
+            powers.append(sign * {"N": -2, "s": 1}.get(name, 0) * float(power or 1))
     return sum(powers)
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swingid.balance.delays import dry_levels, impulse_of, late_reversals
+from swingid.balance.delays import dry_friction, dry_levels, impulse_of, late_reversals
 from swingid.balance.errors import bends, late_error
 from swingid.balance.fits import BASIS, LAG, SLIGHT, WindowFit, fit_rows, residuals_beside, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
@@ -57,6 +57,20 @@ of the dry friction times a swing; those that correlated errors of a camera or a
 friction are 0.12 and more (logs of benchmarks/strangers.py), and bias the inertia by 1 to 8 %.
 """
 
+USUAL = 0.01
+"""Usual impulse of dynamic friction, as a share of dry friction times a swing: the geometric mean of 0.001 and 0.1,
+between which those of simulated logs and `REVERSAL` are."""
+
+LIKELIER = 0.5
+"""Probability of such an impulse from which on it is more likely than none."""
+
+IMPULSES = ("memory", "memory_equal")
+"""Impulses at the reversals: by a way over which friction keeps its direction, and what is the same at each of them
+beyond that (bristles' damping, a late turning point)."""
+
+VARIED = 0.1
+"""Standard deviation of the weights of the reversals from which on the two can be told apart."""
+
 
 class Choice(NamedTuple):
     """The "law" fit of least uncertainty, declared imperfections included, and all fits tried by half-length in s.
@@ -96,13 +110,15 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
         late = late_reversals(signals, torque, abs(seen.a11), noise, levels)
         corrected = signals.earlier(late)
         rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}
-        tried, impulse = _with_memory(corrected, rows, equation, noise, impulse_of(late, torque, levels), memory)
+        prior = impulse_of(late, torque, levels), USUAL * signals.motion.half_period * dry_friction(torque, levels)
+        tried, impulse = _with_memory(corrected, rows, equation, noise, prior, memory)
         tried = _with_further(corrected, tried)
         tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
         law = _longest_of_best(tried)
         calm = friction_windows(corrected, tried)
-        known = (law.value("memory"), law.uncertainty("memory") if "memory" in law.unknowns else impulse)
-        friction = fit_friction(corrected, calm.rows, equation, known, noise.angle)
+        known = {name: law.value(name) for name in IMPULSES if name in law.unknowns}
+        left = law.uncertainty("memory") if known else impulse
+        friction = fit_friction(corrected, calm.rows, equation, known, left, noise.angle)
         settled = before.size > 0 and float(np.max(np.abs(late - before))) < SETTLED * float(np.max(np.abs(late)))
         if settled or "stribeck" not in friction.terms:
             break
@@ -139,25 +155,34 @@ def _other_causes(fit: WindowFit, signals: Signals) -> Iterator[Array]:
 
 
 def _with_memory(
-    signals: Signals, rows: dict[float, Rows], equation: Equation, noise: Noise, impulse: float, memory: str
+    signals: Signals, rows: dict[float, Rows], equation: Equation, noise: Noise, prior: tuple[float, float], memory: str
 ) -> tuple[dict[float, WindowFit], float]:
-    """Fits of the rows, and the standard uncertainty of the impulse at each reversal; impulse: its prior (N m s, N s).
+    """Fits of the rows, and the standard uncertainty of the impulse at each reversal.
+
+    prior: the impulse by errors of the turning points, and the usual one of such friction (N m s or N s).
 
     Dynamic friction (LuGre's bristles), backlash and short sticking let the old direction act a moment longer: an
-    impulse at each reversal, which is an unknown where it is significant beyond noise and grid phase.
+    impulse at each reversal, which is an unknown where it is significant beyond noise and grid phase, and where it is
+    likelier than not and to leave it out leaves more uncertain than its estimate is. Where the reversals differ, it has
+    both parts of IMPULSES.
     """
-    tried = _fits(rows, equation, noise, BASIS)
+    motion, tried = signals.motion, _fits(rows, equation, noise, BASIS)
     # over a whole swing and more, an impulse at each reversal looks like inertia
-    short = {half: own for half, own in rows.items() if half < ONE_SWING * signals.motion.half_period}
+    short = {half: own for half, own in rows.items() if half < ONE_SWING * motion.half_period}
     remembered = _fits(short, equation, noise, (*BASIS, "memory"))
     if not remembered or memory == "off":
-        return tried, impulse
+        return tried, prior[0]
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
     found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
+    left, probability = impulse_left(prior[0], found, spread, prior[1])
+    seen = found > DETECTED * spread or (probability > LIKELIER and left > spread)
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
-    seen = found > DETECTED * spread and impulse_possible(equation, signals.motion, found, plain.value("coulomb"))
-    return (remembered if seen or memory == "on" else tried), impulse_left(impulse, found, spread)
+    possible = impulse_possible(equation, motion, found, plain.value("coulomb"))
+    if not (seen and possible) and memory != "on":
+        return tried, left
+    varied = float(np.std(motion.reversals[2])) > VARIED
+    return _fits(short, equation, noise, (*BASIS, *IMPULSES)) if varied else remembered, left
 
 
 def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
@@ -224,14 +249,20 @@ def impulse_possible(equation: Equation, motion: Motion, impulse: float, dry: fl
     return equation.drive != "none" or impulse < REVERSAL * motion.half_period * abs(dry)
 
 
-def impulse_left(prior: float, found: float, spread: float) -> float:
+def impulse_left(prior: float, found: float, spread: float, usual: float = 0.0) -> tuple[float, float]:
     """Standard uncertainty of the impulse at each reversal (N m s or N s) where the rows give `found` ± `spread`.
 
     The correction of the turning points has a standard uncertainty equal to its magnitude (`prior`), for friction at
-    rest is extrapolated from faster motion, where a short peak does not show. The rows reduce it to the posterior.
+    rest is extrapolated from faster motion, where a short peak does not show. Dry friction has a memory of its own, an
+    impulse of the size `usual`, or has none: as likely a priori, weighted by the likelihood of `found` (Bayesian model
+    averaging). The rows reduce each to its posterior. Returned: the root of its mean square, the probability of memory.
     """
-    weight = prior**2 / max(prior**2 + spread**2, 1e-300)
-    return float(np.hypot(weight * found, np.sqrt(weight) * spread))
+    priors = np.array([prior**2, prior**2 + usual**2])
+    variances = np.maximum(priors + spread**2, 1e-300)
+    likelihood = np.exp(-0.5 * found**2 * (1.0 / variances - 1.0 / variances[1])) / np.sqrt(variances)
+    weight, probability = priors / variances, likelihood / likelihood.sum()
+    squares = (weight * found) ** 2 + weight * spread**2
+    return float(np.sqrt(probability @ squares)), float(probability[1])
 
 
 def _fits(

@@ -54,10 +54,15 @@ def late_reversals(
     return share * late
 
 
+def dry_friction(torque: Torque, levels: Array | float = 0.0) -> float:
+    """Dry friction (N m or N), half of the jump at a reversal; levels: of the further terms."""
+    above, below = torque(np.array([1e-9, -1e-9]))
+    return float(abs(above - below + 2 * (np.mean(levels) if np.size(levels) else 0.0))) / 2
+
+
 def impulse_of(late: Array, torque: Torque, levels: Array | float = 0.0) -> float:
     """Impulse (N m s or N s) by the jump of friction at turning points that are late by `late`."""
-    above, below = torque(np.array([1e-9, -1e-9]))
-    return float(np.sqrt(np.mean(late**2)) * abs(above - below + 2 * (np.mean(levels) if np.size(levels) else 0.0)))
+    return float(np.sqrt(np.mean(late**2))) * 2 * dry_friction(torque, levels)
 
 
 def lateness(motion: Motion, torque: Torque, inertia: float, levels: Array | float = 0.0) -> Array:

@@ -6,7 +6,7 @@ on a coarse grid of speeds.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,20 +42,20 @@ class FrictionLaw(Law):
 
 
 def fit_friction(
-    signals: Signals, rows: Rows, equation: Equation, memory: tuple[float, float], noise: float
+    signals: Signals, rows: Rows, equation: Equation, memory: Mapping[str, float], impulse: float, noise: float
 ) -> FrictionLaw:
     """Best law by the Bayesian information criterion, and the curve, with an inertia fitted beside each.
 
     The inertia (and an unknown gravity torque) is fitted again with every law, so that its bias on these windows does
-    not bias the friction. memory: impulse at each reversal, as found before, and its standard uncertainty. noise:
-    standard deviation of one sample of the angle.
+    not bias the friction. memory: coefficients of the impulses at the reversals, as found before. impulse: standard
+    uncertainty of the one at each reversal. noise: standard deviation of one sample of the angle.
     """
     friction = FrictionRows.of(signals, rows)
-    target = known_side(rows, equation) - rows["memory"] * memory[0]
+    target = known_side(rows, equation) - rows.sum_of(memory)
     _, body = columns_of(rows, equation, ())
     choice = LawChoice.of(body, friction.columns, target, friction.knots, slowest_peak(signals.motion, noise))
     law = choice.best.law
-    covariance, influence = _fitted(friction, body, target, law, memory[1])
+    covariance, influence = _fitted(friction, body, target, law, impulse)
     curve = _curve(friction, law, covariance, choice, len(target))
     return FrictionLaw(law.name, law.terms, law.coefficients, law.stribeck_speed, covariance, influence, rows, curve)
 

@@ -303,9 +303,10 @@ class Rows:
     """One equation per window: of every term the modulated integral (windows,), by the name of the term.
 
     inertia ∫φ'' q1 (= ∫φ q1''), gravity_torque ∫φ sin q1, wheel ∫φ'' q2, torque ∫φ τ; friction coulomb ∫φ sgn v,
-    viscous ∫φ v, quadratic ∫φ v|v|, cubic ∫φ v³, offset ∫φ, viscous_even ∫φ |v|, memory Σ φ(reversal)·new direction;
-    ∫φ f of the further terms, and under their names with "'" behind ∫φ ∂f/∂shift. pulls: mean ∂f/∂q1 of the terms that
-    depend on the angle, by which its noise enters them. kept: what errors of channels add to each term, see `errors`.
+    viscous ∫φ v, quadratic ∫φ v|v|, cubic ∫φ v³, offset ∫φ, viscous_even ∫φ |v|; memory Σ w φ(reversal)·new direction
+    with the weights w of `Motion.reversals`, memory_equal the same with 1 − w; ∫φ f of the further terms, and under
+    their names with "'" behind ∫φ ∂f/∂shift. pulls: mean ∂f/∂q1 of the terms that depend on the angle, by which its
+    noise enters them. kept: what errors of channels add to each term, see `errors`.
     """
 
     windows: Windows
@@ -374,10 +375,11 @@ def retimed(rows: Rows, signals: Signals) -> Rows:
 
 def _jumps(signals: Signals, windows: Windows) -> dict[str, Array]:
     """The columns that depend on the turning points: dry friction, and an impulse at each reversal."""
-    motion = signals.motion
+    instants, directions, weights = signals.motion.reversals
     found = {
         "coulomb": project_steps(signals.edges, signals.directions, windows.centres, windows.half),
-        "memory": project_impulses(motion.turning_times, -motion.sides, windows.centres, windows.half),
+        "memory": project_impulses(instants, directions * weights, windows.centres, windows.half),
+        "memory_equal": project_impulses(instants, directions * (1.0 - weights), windows.centres, windows.half),
     }
     for term in signals.further:
         if term.term.is_dry:

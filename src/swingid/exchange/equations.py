@@ -72,5 +72,5 @@ def _term(one: Further) -> str:
         STRINGS: f"sin(q1)/sqrt(1 - ({one.order!r})*(1 - cos(q1)))",
         WEIGHT: "abs(cos(q1))",
     }.get(one.kind, "1")
-    speed = "".join(["*s1" if one.odd else "", "*abs(v1)" * one.power])
+    speed = "".join(["*s1" if one.odd else "", "*abs(v1)" * int(one.power), "*sqrt(abs(v1))" if one.power % 1 else ""])
     return f"({one.coefficient!r})*{g}{speed}"

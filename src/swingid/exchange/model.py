@@ -12,6 +12,7 @@ from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import plus_minus
 from swingid.model import parameters as at
 from swingid.model.rig import Rig
+from swingid.model.terms import rig_terms
 from swingid.numerics.arrays import Array
 from swingid.result.result import Result
 from swingid.study.validate import model_vector
@@ -55,7 +56,7 @@ class Further:
     shift: float
     order: float
     kind: int
-    power: int
+    power: float
     odd: bool
 
 
@@ -96,6 +97,11 @@ class Model:
         return {name: self.value(name) for name in NAMES if self.has_wheel or name not in WHEEL_ALONE}
 
     @property
+    def drags(self) -> list[str]:
+        """The further terms that grow with the speed, in words."""
+        return [one.term.words for one in rig_terms(self.rig) if one.term.odd and one.term.power]
+
+    @property
     def further(self) -> list[Further]:
         """The further terms that the rig has."""
         count = int(self.p[at.FURTHER])
@@ -103,7 +109,7 @@ class Model:
         return [
             Further(
                 float(one[at.COEFFICIENT]), float(one[at.SHIFT]), float(one[at.ORDER]), int(one[at.KIND]),
-                int(one[at.POWER]), bool(one[at.ODD]),
+                float(one[at.POWER]), bool(one[at.ODD]),
             )
             for one in slots
         ]  # fmt: skip

@@ -82,12 +82,19 @@ def angle_energy(q: float, i: int, p: Array) -> float:
 
 
 @njit_called
+def half_powers(x: float, power: float) -> float:
+    """x^power of a whole or half-whole power, for x >= 0; a little below 0 its continuation."""
+    result = 1.0
+    for _ in range(int(power)):
+        result *= x
+    return result if power % 1.0 == 0.0 else float(result * math.sqrt(abs(x)))
+
+
+@njit_called
 def speed_factor(v: float, s: int, i: int, p: Array) -> float:
     """(sgn v)^odd |v|^power of the slot at place i, sliding towards side s."""
     factor = 1.0 if p[i + ODD] == 0.0 else float(s)
-    for _ in range(int(p[i + POWER])):
-        factor *= s * v
-    return factor
+    return factor * half_powers(s * v, p[i + POWER])
 
 
 @njit_called
@@ -122,11 +129,9 @@ def further_slopes(q: float, v: float, s: int, p: Array) -> tuple[float, float]:
     for k in range(int(p[FURTHER])):
         i = FIRST_SLOT + SLOT * k
         by_angle += p[i + COEFFICIENT] * speed_factor(v, s, i, p) * angle_slope(q, i, p)
-        power = int(p[i + POWER])
-        if power > 0:
-            slope = float(power * s) if p[i + ODD] == 0.0 else float(power)
-            for _ in range(power - 1):
-                slope *= s * v
+        power = p[i + POWER]
+        if power > 0.0:
+            slope = power * half_powers(s * v, power - 1.0) * (s if p[i + ODD] == 0.0 else 1)
             by_speed += p[i + COEFFICIENT] * slope * angle_factor(q, i, p)
     return by_angle, by_speed
 

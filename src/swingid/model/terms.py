@@ -30,9 +30,10 @@ class Term:
     """A term or constant: its name in results, key in rig.toml, words, unit on a rotary and a linear axis, symbol.
 
     key: "" for what rig.toml does not state by itself. linear: None where the unit is the same, "" where a linear axis
-    has no such term. power: of |v| in the regressor, None for a constant without a regressor of its own. odd: whether
-    the regressor changes its sign with the speed. kind: of g(q). order, shift: keys of the numbers in g. parts: names
-    of the sine and cosine part of a wave of unknown shift. signed: whether the coefficient may be negative.
+    has no such term. power: of |v| in the regressor, 0, 1, 3/2 and so on by halves, None for a constant without a
+    regressor of its own. odd: whether the regressor changes its sign with the speed. kind: of g(q). order, shift: keys
+    of the numbers in g. parts: names of the sine and cosine part of a wave of unknown shift. signed: whether the
+    coefficient may be negative.
     """
 
     name: str
@@ -41,7 +42,7 @@ class Term:
     unit: str = ""
     linear: str | None = None
     symbol: str = ""
-    power: int | None = None
+    power: float | None = None
     odd: bool = False
     kind: int = ONE
     order: str = ""
@@ -65,11 +66,15 @@ class Term:
 
     def of_speed(self, v: Array) -> Array:
         """The part of the regressor that the speed makes (rad/s or m/s), (sgn v)^odd |v|^power; 0 at rest if odd."""
-        assert self.power is not None
-        size = np.sign(v) if self.odd else np.ones_like(v)
-        for _ in range(self.power):
+        return self.of_motion(v, np.sign(v))
+
+    def of_motion(self, v: Array, direction: Array) -> Array:
+        """As `of_speed`; direction: sgn v, which a noisy speed does not show near rest."""
+        power = self.power or 0
+        size = direction if self.odd else np.ones_like(v)
+        for _ in range(int(power)):
             size = size * np.abs(v)
-        return np.asarray(size, dtype=np.float64)
+        return np.asarray(size * np.sqrt(np.abs(v)) if power % 1 else size, dtype=np.float64)
 
     def of_angle(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
         """The part of the regressor that the angle makes, g(q) (rad or m)."""
@@ -112,6 +117,7 @@ _N = ("N m", "N")
 _VISCOUS = ("N m s", "N s/m")
 _QUADRATIC = ("N m s^2", "N s^2/m^2")
 _CUBIC = ("N m s^3", "N s^3/m^3")
+_DRAG = ("N m s^1.5", "N s^1.5/m^1.5")
 _F, _M = "axis.friction", "drive.motor"
 
 _RECORDS = (
@@ -134,6 +140,7 @@ _RECORDS = (
     Term("viscous_even", "", "direction-dependent friction", *_VISCOUS, power=1, signed=True),
     Term("stribeck", "", "Stribeck's peak", *_N),
     Term("memory", "", "dynamic friction", "N m s", "N s", signed=True),
+    Term("memory_equal", "", "dynamic friction alike at all reversals", "N m s", "N s", signed=True),
     # The drive.
     Term("wheel_inertia", "drive.wheel.inertia", "wheel inertia", "kg m^2", None, "J₂"),
     Term("rotor_inertia", f"{_M}.rotor_inertia", "rotor inertia", "kg m^2", None, "Jr"),
@@ -180,6 +187,7 @@ _FURTHER = (
     ),
     Term("cogging_sine", "", "cogging, sine part", *_N, "A cos φ", 0, kind=WAVE, signed=True),
     Term("cogging_cosine", "", "cogging, cosine part", *_N, "A sin φ", 0, kind=WAVE, signed=True),
+    Term("drag", f"{_F}.drag", "drag of power 3/2", *_DRAG, power=1.5, odd=True),
     Term("load", f"{_F}.load", "load-dependent Coulomb friction", "N m", "", "", 0, odd=True, kind=WEIGHT),
 )
 
@@ -208,7 +216,7 @@ def units_on(*, linear: bool) -> dict[str, str]:
     return {name: term.unit_on(linear=linear) for name, term in TERMS.items()}
 
 
-def power_of(name: str) -> int:
+def power_of(name: str) -> float:
     """Power of the speed that a coefficient stands before; that of the two-sided one for one of a direction."""
     term = TERMS[name if TERMS[name].power is not None else name.partition("_")[0]]
     return term.power or 0
@@ -253,10 +261,7 @@ class RigTerm:
 
     def regressor(self, q: Array, v: Array, direction: Array) -> Array:
         """f(q, v) at angles q and speeds v; direction: sgn v, which a noisy speed does not show near rest."""
-        size = np.ones_like(v) if not self.term.odd else direction
-        for _ in range(self.term.power or 0):
-            size = size * np.abs(v)
-        return np.asarray(size * self.term.of_angle(q, *self.at))
+        return np.asarray(self.term.of_motion(v, direction) * self.term.of_angle(q, *self.at))
 
     def stiffness(self, q: Array) -> Array:
         """How much a conservative torque grows with the angle, per unit of the coefficient; 0 of another term."""

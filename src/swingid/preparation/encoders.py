@@ -121,7 +121,7 @@ def _latencies(log: Recording, rig: Rig) -> tuple[Recording, list[Correction]]:
     if log.wheel_angle is not None and rig.drive.kind == "reaction-wheel":
         channels["wheel"] = rig.sensors.of("wheel")
     late = {name: sensor.latency for name, sensor in channels.items() if sensor.latency.value}
-    if rig.drive.kind == "none" or not late:
+    if rig.drive.channel is None or not late:
         return log, []
     off = is_off(log, LATENCY)
     words = {"angle": "angle", "wheel": "wheel's angle"}

@@ -21,6 +21,9 @@ DIFFERENCES = 10_000
 SMALLEST_SWING = 0.02
 """A swing below this share of the largest one is noise or rest, not a swing."""
 
+FLATTEST = 0.05
+"""Share of the mean acceleration at the reversals below which that of one is not known, see `Motion.reversals`."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -58,6 +61,21 @@ class Motion:
         grid, speed = self.speed.grid, self.speed.speed
         acceleration = quantile(np.abs(np.diff(speed) / np.diff(grid)), 0.99)
         return float(np.max(np.abs(speed))) / max(acceleration, 1e-300)
+
+    @cached_property
+    def reversals(self) -> tuple[Array, Array, Array]:
+        """All reversals, ripples among them: instants (s), new directions (±1), and weights of an impulse there.
+
+        Friction keeps its old direction over a small way x (bristles, a gap), which takes √(2x/A) after a reversal of
+        acceleration A: the weights are in proportion to A^(−1/2), 1 in the mean. Empty without a turning point.
+        """
+        if not len(self.turning_times):
+            return (np.empty(0),) * 3
+        instants = np.sort(np.concatenate([self.turning_times, self.ripples]))
+        place = np.arange(len(instants)) - np.searchsorted(instants, self.turning_times[0])
+        size = np.abs(self.speed.acceleration(instants))
+        weights = 1.0 / np.sqrt(np.maximum(size, FLATTEST * np.mean(size) + 1e-300))
+        return instants, -self.sides[0] * (1.0 - 2.0 * (place % 2)), weights / np.mean(weights)
 
     def reread(self, time: Array, angle: Array, reach: float) -> Motion:
         """The same motion with its turning points from cubics over ±`reach` s, by samples of the whole log."""

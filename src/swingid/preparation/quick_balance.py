@@ -91,7 +91,8 @@ def quick_balance(log: Recording, rig: Rig) -> QuickBalance | None:
         equation = equation_of(rig)
     except UnanswerableError:  # without a scale reference; a method raises it
         return None
-    drive = {"reaction-wheel": log.wheel_angle, "direct": log.torque}.get(equation.drive)
+    wheel = "wheel" in equation.coefficients
+    drive = log.wheel_angle if wheel else log.torque if "torque" in equation.coefficients else None
     if drive is None or len(log) < FEWEST_WINDOWS:
         return None
     step = typical_step(log.time)
@@ -120,7 +121,7 @@ def quick_balance(log: Recording, rig: Rig) -> QuickBalance | None:
     gravity = (
         0.0 if equation.seeks("gravity_torque") else equation.value("gravity_torque") * level(np.abs(np.sin(q1)), 0.99)
     )
-    wheel_noise = 0.0 if equation.drive == "direct" else _noise(drive, rig.sensors.of("wheel").resolution)
+    wheel_noise = _noise(drive, rig.sensors.of("wheel").resolution) if wheel else 0.0
     noise = np.hypot(values[0] * angle_noise, equation.value("wheel") * wheel_noise)
     friction = values[1 : len(FRICTION) + 1] @ columns[1 : len(FRICTION) + 1]
     return QuickBalance(
@@ -223,7 +224,9 @@ def _columns(q1: Array, driven: Array, width: float, equation: Equation) -> tupl
         sine, cosine = np.sin(q1), np.cos(q1)
         averaged += [sine, cosine]
         curved += [sine, cosine]
-    if equation.drive == "reaction-wheel":
+    # the drive comes last: the wheel's angle with its nonlinearity, or the torque
+    wheel = "wheel" in equation.coefficients
+    if wheel:
         curved += [np.sin(driven), np.cos(driven), driven]
     else:
         averaged.append(driven)
@@ -231,17 +234,13 @@ def _columns(q1: Array, driven: Array, width: float, equation: Equation) -> tupl
     plain = _filtered(np.stack(averaged), mean)
     bent = _filtered(np.stack(curved), bend / width**2)
     viscous = _filtered(q1[None], slope / width)
-    drive = -equation.value("wheel") * bent[-1] if equation.drive == "reaction-wheel" else plain[-1]
-    rate = np.gradient(drive)
-    if equation.drive == "reaction-wheel":
-        bent = bent[:-1]
+    if wheel:
+        drive, bent = -equation.value("wheel") * bent[-1], bent[:-1]
     else:
-        plain = plain[:-1]
-    target = (
-        drive
-        if equation.linear or equation.seeks("gravity_torque")
-        else drive - equation.value("gravity_torque") * plain[gravity]
-    )
+        drive, plain = plain[-1], plain[:-1]
+    rate = np.gradient(drive)
+    stated = 0.0 if equation.linear else equation.value("gravity_torque")
+    target = drive - stated * plain[gravity] if stated else drive
     return np.vstack([bent[:1], plain[:1], viscous, plain[1:], bent[1:], rate[None]]), target, speed
 
 

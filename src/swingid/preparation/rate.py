@@ -175,7 +175,7 @@ def _level(log: Recording, rig: Rig, at: Recording, bias: float, found: tuple[Ar
     stated = rig.sensors.of_rate("angle").bias.std
     turns = 0 if found is None else len(found[0]) + 3
     walk = noise.rate * np.sqrt(noise.step)
-    if rig.drive.kind == "none":  # a drive moves the centres; a free body shows drift of the bias by them, too
+    if rig.drive.channel is None:  # a drive moves the centres; a free body shows drift of the bias by them, too
         # a random walk about the line nearest to it has the standard deviation walk √(T/15)
         walk = max(walk, wander / np.sqrt(log.duration / 15))
     return Level(

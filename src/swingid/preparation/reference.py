@@ -83,7 +83,7 @@ def reference_of(rig: Rig) -> Reference | None:
         return _driven(rig, WHEEL, "wheel_inertia", {"drive.motor": {"gear_ratio": gear} if gear else None})
     if rig.drive.kind == "direct" and isinstance(rig.log.torque_gain, UnknownScale):
         return _driven(rig, GAIN, "torque_gain", {})
-    if rig.drive.kind != "none":
+    if rig.drive.channel is not None:
         return None
     b, held = rig.axis.gravity_torque, [term for term in rig_terms(rig) if term.term.is_conservative]
     stated = any(term.value is not None and term.value.value for term in held)
@@ -125,7 +125,7 @@ def _driven(rig: Rig, key: str, name: str, changes: dict[str, object]) -> Refere
 
 def turns_freely(rig: Rig) -> bool:
     """Whether nothing but friction acts on the axis: a body that spins down, whose friction over inertia is found."""
-    return rig.drive.kind == "none" and rig.axis.gravity_torque == Quantity(0.0) and not rig_terms(rig)
+    return rig.drive.channel is None and rig.axis.gravity_torque == Quantity(0.0) and not rig_terms(rig)
 
 
 def in_units(rig: Rig) -> Rig:

@@ -28,13 +28,13 @@ def equation_of(rig: Rig, *, elsewhere: bool = False) -> Equation:
         refuse_without_scale(rig)
     if rig.drive.kind == "motor" and not (held or elsewhere):
         _require_torque_per_volt(rig, found)
-    if rig.drive.kind == "none" and not held and not elsewhere:
+    if rig.drive.channel is None and not held and not elsewhere:
         raise UnanswerableError(
             f"rig {rig.name}: axis.gravity_torque is 0, but in a free decay gravity alone sets the scale; give "
             'axis.gravity_torque, or axis.stiffness of a spring, a number or "unknown" (for ratios).',
             code="no-scale",
         )
-    if rig.drive.kind == "reaction-wheel" and found.value("wheel") == 0:
+    if found.stated.get("wheel") == 0:
         raise UnanswerableError(
             f"rig {rig.name}: drive.wheel.inertia is 0, but the wheel's inertia sets the scale; give it.",
             code="no-scale",
@@ -106,19 +106,15 @@ def require_channels(log: Recording, rig: Rig) -> None:
             )
     drives = {"voltage": log.voltage, "torque": log.torque}
     acting = next((name for name, values in drives.items() if values is not None and np.any(values)), None)
-    if rig.drive.kind == "none" and acting is not None:
+    name = rig.drive.channel
+    if name is None and acting is not None:
         raise InputError(
             f"{log.source.path or 'the log'} contains a {acting} that is not 0, but rig {rig.name} has no drive; use "
             "the rig that belongs to the log.",
             code="other-drive",
         )
-    needed = {
-        "reaction-wheel": ("wheel_angle", log.wheel_angle, "a reaction wheel"),
-        "direct": ("torque", log.torque, "direct"),
-        "motor": ("voltage", log.voltage, "a motor"),
-    }
-    name, values, kind = needed.get(rig.drive.kind, ("", log.angle, ""))
-    if values is None:
+    if name is not None and getattr(log, name) is None:
+        kind = {"wheel_angle": "a reaction wheel", "torque": "direct", "voltage": "a motor"}[name]
         raise InputError(
             f"{log.source.path or 'the log'} has no {name.replace('_', ' ')}, but the rig's drive is {kind}; name its "
             f"column as {name} under [log], or use a rig of another drive kind.",

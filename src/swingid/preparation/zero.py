@@ -61,7 +61,7 @@ def centred(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction, ...]
     b = gravity.value if isinstance(gravity, Quantity) else 1.0
     # one torque draws it back: gravity, or the strings that it hangs on
     hangs = not held if b else len(held) == 1 and rig.axis.suspension is not None
-    if rig.drive.kind != "none" or rig.axis.kind != "rotary" or not hangs or isinstance(gravity, str):
+    if rig.drive.channel is not None or rig.axis.kind != "rotary" or not hangs or isinstance(gravity, str):
         return log, ()
     if any(one.kind is Kind.ANGLE_ZERO for one in log.findings):
         return log, ()

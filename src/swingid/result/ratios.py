@@ -171,7 +171,7 @@ def in_words(messages: tuple[Message, ...], name: str, unit: str) -> tuple[Messa
 def _multiple(name: str, unit: str) -> Callable[[re.Match[str]], str]:
     def text(match: re.Match[str]) -> str:
         power = time_power(match[1].replace("²", "^2")) - time_power(unit)
-        seconds = {0: "", 1: " s"}.get(power) if power in (0, 1) else pretty_unit(f" s^{power}")
+        seconds = {0: "", 1: " s"}.get(int(power)) if power in (0, 1) else pretty_unit(f" s^{power:g}")
         return f" {seconds} × {name}".replace("  ", " ")
 
     return text

@@ -116,7 +116,7 @@ def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bo
     dry = abs(float(law.torque(np.array([1e-9]))[0] - law.torque(np.array([-1e-9]))[0])) / 2
     dry += float(np.abs(np.mean(levels)))
     seen = size > DETECTED * spread and impulse_possible(part.equation, part.motion, size, dry)
-    impulse = impulse_left(impulse_of(late, law.torque, levels), size, spread)
+    impulse, _ = impulse_left(impulse_of(late, law.torque, levels), size, spread)
     chosen, more = (memory, ("memory",)) if seen else (plain, ())
     others = [(other, weight) for other, weight in likely if other.name != law.name]
     laws = [(one, fit_rows(part, row_filter, (*one.unknowns, *more), one, plain.lag), weight) for one, weight in others]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.choice import MEMORY
+from swingid.balance.choice import IMPULSES, MEMORY
 from swingid.balance.errors import errors_of, sensitivities
 from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, with_declared
 from swingid.balance.friction import FrictionLaw
@@ -158,7 +158,7 @@ def _estimate(evidence: Evidence) -> _Estimate:
 def _asymmetry(even: WindowFit, law: WindowFit) -> float:
     """Bias of the even fit by friction, because the motion is not exactly symmetric; from the fitted law."""
     terms = (name for name in law.friction if name in even.rows.columns)
-    odd = {name: law.value(name) for name in terms if name == "memory" or TERMS[name].odd}
+    odd = {name: law.value(name) for name in terms if name in IMPULSES or TERMS[name].odd}
     return float(even.fit.influence[0] @ even.rows.sum_of(odd))
 
 

@@ -90,6 +90,10 @@ class Motor(Table):
         return of_windings(raw, info) if isinstance(raw, dict) else raw
 
 
+CHANNELS = {"reaction-wheel": "wheel_angle", "direct": "torque", "motor": "voltage"}
+"""Channel of a log by which a drive acts in equation (I), by its kind."""
+
+
 class Drive(Table):
     """What moves the axis: a reaction wheel (with its motor), a known torque or force, a motor on the axis, or nothing.
 
@@ -138,6 +142,11 @@ class Drive(Table):
             if self.motor is not None and stated(self.motor, key):
                 what = "is given, but a motor on the axis has no friction apart from the axis: leave it out"
                 refuse("contradiction", what, f"motor.{key}")
+
+    @property
+    def channel(self) -> str | None:
+        """Name of the channel of a log by which it acts in equation (I); None of a free axis."""
+        return CHANNELS.get(self.kind)
 
     @property
     def reflected(self) -> float:

@@ -1,0 +1,117 @@
+"""A method of one's own in one file: least squares on windows that allows for noise in the regressor of the inertia.
+
+    python examples/own_method.py
+
+The momentum balance a11 ∫φ'' q1 + … = y has noise in its regressor ∫φ'' q1, which attenuates a11 (errors in variables).
+`momentum` avoids it by longer windows and books the rest. Here the noise, known from the log, is subtracted from the
+normal equations (bias-compensated least squares; Söderström 2007, Automatica 43, 939): θ = (XᵀX − S)⁻¹ Xᵀ y, for
+windows of half the length. Rows, terms, declared errors, budget, hypotheses, report: those of swingid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+import swingid as sw
+from swingid.balance.errors import errors_of, sensitivities
+from swingid.balance.fits import WindowFit, column_noise, columns_of, covariance_of, fit_rows
+from swingid.balance.rows import rows_of
+from swingid.balance.systematics import grid_spread
+from swingid.balance.windows import law_windows
+from swingid.checks.hypothesis import Evidence, Judged
+from swingid.checks.level import chosen_at_level
+from swingid.checks.table import entries, messages_of
+from swingid.errors import UnanswerableError
+from swingid.methods.table import METHODS, Method
+from swingid.model.terms import units_on
+from swingid.numerics.regression import LinearFit
+from swingid.preparation.prepared import Prepared
+from swingid.result.result import Details, Result
+from swingid.uncertainty.budget import Evaluated, Scatter, evaluate, systematic
+
+NAME = "compensated"
+SHORTER = 0.5
+"""Length of the windows as a share of those of momentum: twice as many rows, 2√2 as much noise in each."""
+
+
+def compensated_fit(fit: WindowFit) -> WindowFit:
+    """The fit θ = K y, K = (XᵀX − S)⁻¹ Xᵀ; S: power of the noise in the regressor of a11, 0 elsewhere.
+
+    Raises UnanswerableError where the noise is all that the regressor has.
+    """
+    unknowns, columns = columns_of(fit.rows, fit.equation, fit.friction)
+    scale = np.linalg.norm(columns, axis=0)
+    noise = np.zeros((len(unknowns), len(unknowns)))
+    noise[0, 0] = column_noise(fit.rows.windows, fit.noise)
+    normal = (columns.T @ columns - noise) / np.outer(scale, scale)
+    powers = np.linalg.eigvalsh(normal)
+    if powers[0] <= 1e-12 * powers[-1]:
+        raise UnanswerableError("the windows contain no more than noise; record larger swings.", code="too-noisy")
+    influence = np.linalg.solve(normal, (columns / scale).T) / scale[:, None]
+    values = influence @ fit.known
+    found = LinearFit(values, fit.known - columns @ values, influence, float(np.sqrt(powers[-1] / powers[0])))
+    covariance, computed = covariance_of(found, fit.rows, unknowns, fit.equation, fit.noise)
+    return replace(fit, fit=found, covariance=covariance, computed=float(computed), declared=())
+
+
+def compensated(prepared: Prepared) -> Result:
+    """Inertia and sought coefficients by bias-compensated least squares on windows."""
+    prepared, part, choice, moved = chosen_at_level(prepared, "auto")
+    law, signals, rig = choice.law, choice.signals, prepared.rig
+    suited = signals.suited(SHORTER * law.half)
+    plain = fit_rows(rows_of(suited, law_windows(suited, SHORTER * law.half)), law.equation, law.noise, law.friction)
+    if plain is None:
+        raise UnanswerableError("the log is too short for the unknowns; record a longer one.", code="too-short")
+    own, evidence = compensated_fit(plain), Evidence(choice, part)
+    contradicted = entries(evidence, own.u, own=False)
+    common = {"place of the encoder's grid": grid_spread(suited, own, "inertia")} | contradicted
+    found = _evaluated(own, prepared, errors_of(own.rows, suited, rig, own.equation, own.coefficients), common)
+    u = found.parameters["inertia"].standard_uncertainty or 0.0
+    alone = max(u**2 - sum(spread**2 for spread in contradicted.values()), 0.0) ** 0.5
+    limits = {"timing": u} | dict.fromkeys(("alone", "angle", "gravity", "balance", "place"), alone)
+    judged = Judged(own.inertia, own.a11, limits)
+    warnings, notes = messages_of(evidence, judged)
+    details = Details(
+        start=part.start, stop=part.stop, window=own.half, friction=choice.friction.curve,
+        turning_times=signals.motion.turning_times, turning_angles=signals.motion.turning_angles,
+        residual_times=own.rows.windows.centres, residuals=own.fit.residuals / (own.rows.windows.half * 32 / 35),
+    )  # fmt: skip
+    warnings, notes = [*warnings, *moved.warnings], [part.note, *moved.notes, *notes]
+    return prepared.result(NAME, found, part, warnings, notes, details, found=moved.corrections)
+
+
+def _evaluated(own: WindowFit, prepared: Prepared, errors: list, common: dict[str, float]) -> Evaluated:
+    """Inertia and sought coefficients with their budget: scatter, what it lacks, what the rig file states."""
+    units = units_on(linear=own.equation.linear)
+    values = {"inertia": (own.inertia, own.equation.unit)}
+    values |= {name: (own.value(name), units[name]) for name in own.equation.sought[1:]}
+    at = [own.unknowns.index(name) for name in values]
+    declared = [error.on(own.fit.influence[at] @ error.rows) for error in errors]
+    scatter = Scatter("scatter of the windows", own.covariance[np.ix_(at, at)], np.full(len(at), own.freedom))
+    beyond = [(systematic(source), "inertia", spread) for source, spread in common.items()]
+    found = evaluate(values, scatter, beyond, declared, relative=prepared.rig.axis.model_uncertainty)
+    return replace(found, sensitivities=sensitivities(own.rows, own.equation, own.fit.influence[0]))
+
+
+def _load() -> Callable[..., Result]:
+    return compensated
+
+
+METHODS[NAME] = Method(NAME, _load, motor="unused", friction="any", speeds="none")
+
+
+def main() -> None:
+    """A noisy log of the twin by momentum and by this method, and its report."""
+    paper = sw.Rig.load("paper")
+    noisy = paper.changed({"sensors.noise": "0.5 mrad"})
+    log = sw.simulate(noisy, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), duration=25)
+    for method in ("momentum", NAME):
+        result = sw.identify(log, noisy, method)
+        print(result.summary(), end="\n\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -52,7 +52,7 @@ def test_the_compensation_removes_the_attenuation_of_short_windows(example: Modu
     plain, compensated, expected = [], [], []
     for seed in range(8):
         _, _, choice, _ = chosen_at_level(prepare(log_of(seed), NOISY), "off")
-        half, friction = choice.law.half / 24, ("viscous",)
+        half = choice.law.half / 24
         signals = choice.signals.suited(half)
         fit = fit_rows(
             rows_of(signals, law_windows(signals, half)), choice.law.equation, choice.law.noise, ("viscous",)

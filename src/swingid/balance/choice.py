@@ -245,8 +245,11 @@ def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:
 
 
 def impulse_possible(equation: Equation, motion: Motion, impulse: float, dry: float) -> bool:
-    """Whether dry friction (N m or N) can have made an impulse of this size at each reversal, see `REVERSAL`."""
-    return equation.drive != "none" or impulse < REVERSAL * motion.half_period * abs(dry)
+    """Whether dry friction (N m or N) can have made an impulse of this size at each reversal, see `REVERSAL`.
+
+    What is fitted in place of dry friction may be negative in a free decay: it drives the motion, and has no memory.
+    """
+    return equation.drive != "none" or impulse < REVERSAL * motion.half_period * dry
 
 
 def impulse_left(prior: float, found: float, spread: float, usual: float = 0.0) -> tuple[float, float]:

@@ -63,8 +63,9 @@ TABLE = (
                limit="alone", unless=BIASED, contradicts=True),
     Hypothesis("latency", "late-channel", channel_late, "timing of the channels against each other",
                limit="timing", kind=Kind.LATE_CHANNEL, contradicts=True),
+    # a note: on foreign logs of cameras it is significant where the answers meet the evidence
     Hypothesis("period", "period-disagrees", period_of_amplitude, "period of a free decay against its amplitude",
-               limit="alone", unless=(*BIASED, "balance-open")),
+               note=True, unless=(*BIASED, "balance-open")),
     Hypothesis("parts", "parts-disagree", parts_disagree, "parts of the log agree with one another",
                limit="alone", unless=(*BIASED, "balance-open", "late-channel", *UNDETERMINED),
                entries=lambda evidence, u, own: {PARTS: unexplained(evidence.parts, u)}),

@@ -104,7 +104,7 @@ METHODS[NAME] = Method(NAME, _load, motor="unused", friction="any", speeds="none
 
 
 def main() -> None:
-    """A noisy log of the twin by momentum and by this method, and its report."""
+    """A noisy log of the twin by momentum and by this method."""
     paper = sw.Rig.load("paper")
     noisy = paper.changed({"sensors.noise": "0.5 mrad"})
     log = sw.simulate(noisy, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), duration=25)

@@ -105,3 +105,15 @@ def test_every_method_tests_it() -> None:
         result = sw.identify(decay(rig), rig, method=method)
         assert result.details is not None
         assert "period" in result.details.checks
+
+
+def test_the_loss_is_compared_only_where_friction_and_gravity_are_all_that_acts() -> None:
+    rig = rig_of(FRICTIONS["viscous"])
+    assert loss_unexplained(evidence_of(decay(rig), rig)) is not None
+    braked = rig_of(FRICTIONS["viscous"] + "\ndrag = 1e-3")
+    assert loss_unexplained(evidence_of(decay(braked), braked)) is None
+
+
+def test_a_drag_of_0_is_none() -> None:
+    rig = rig_of(FRICTIONS["viscous"] + "\ndrag = 0")
+    assert not evidence_of(decay(rig), rig).signals.further

@@ -276,7 +276,7 @@ def rig_terms(rig: object) -> tuple[RigTerm, ...]:
     found: list[RigTerm] = []
     for term in further_terms():
         stated = stated_at(rig, term.key)
-        if stated is None:
+        if stated is None or (term.key.startswith(_F) and stated == Quantity(0.0)):
             continue
         value = stated if isinstance(stated, Quantity) and not term.key.startswith(_F) else None
         order = stated_at(rig, term.order) if term.order else None
@@ -303,12 +303,6 @@ def motor_terms(rig: object) -> tuple[RigTerm, ...]:
     names = [*MOTOR_TERMS, *(("gear_friction",) if motor.gear_friction is not None else ())]
     values = {name: getattr(motor, name) if name in stated else None for name in MOTOR_TERMS}
     return tuple(RigTerm(name, TERMS[name], 1.0, Quantity(0.0), values.get(name)) for name in names)
-
-
-def stated_stiffness(terms: tuple[RigTerm, ...], q: Array) -> Array:
-    """Stiffness (N m/rad or N/m) at the angles q of the terms whose coefficient the rig states."""
-    stated = [(term, term.value.value) for term in terms if term.value is not None]
-    return sum((value * term.stiffness(q) for term, value in stated), np.zeros_like(q))
 
 
 def values_by_key(found: Mapping[str, float]) -> dict[str, float]:

@@ -58,8 +58,8 @@ def refuse_terms(rig: Rig, method: str) -> None:
     keys = [term.term.key or f"axis.{term.name.partition('_')[0]}" for term in rig_terms(rig)]
     if keys:
         raise UnanswerableError(
-            f"rig {rig.name}: {', '.join(dict.fromkeys(keys))} is no term of the balance of {method}; use the method "
-            "momentum, energy, equation-error or output-error.",
+            f"rig {rig.name}: {', '.join(dict.fromkeys(keys))} is no term of the balance of {method}; leave it out, or "
+            "identify with the method momentum, energy, equation-error or output-error.",
             code="unknown-term",
         )
 

@@ -121,3 +121,12 @@ def test_nothing_more_is_the_fit():
     assert found.values == pytest.approx(fit.values)
     assert found.residuals == pytest.approx(fit.residuals)
     assert found.influence == pytest.approx(fit.influence)
+
+
+def test_a_prior_without_weight_still_has_its_rows():
+    """Of a log whose known side and residuals are 0; the further values are 0 then."""
+    columns, more, _ = problem()
+    found = beside(columns, np.zeros(ROWS), more).solved(np.array(0.0), np.ones(MORE))
+    assert found.influence.shape == (KNOWN + MORE, ROWS + MORE)
+    assert found.residuals == pytest.approx(np.zeros(ROWS + MORE))
+    assert found.values == pytest.approx(np.zeros(KNOWN + MORE))

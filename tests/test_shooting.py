@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from swingid.methods.output_error.problem import as_read
 from swingid.numerics.gauss_newton import LEAST, STALLED, fit_at, solve
 from swingid.numerics.shooting import Prediction, Shooting, widened
 
@@ -98,3 +99,9 @@ def test_a_covariance_is_widened_in_what_scatters_more():
     covariance, stretch = widened(white, robust)
     assert stretch == pytest.approx([2.0, 1.0])
     assert covariance == pytest.approx(np.array([[4.0, 1.0], [1.0, 1.0]]))
+
+
+def test_a_motion_that_diverged_has_no_readings() -> None:
+    """Whatever is unknown of the sensors: with a latency its rates were asked for, which it has not."""
+    diverged = Prediction(np.zeros(5), np.empty((5, 0)), finite=False)
+    assert as_read(diverged, None, ["sensors.latency"], np.ones(1)) is diverged

@@ -176,7 +176,9 @@ def _with_memory(
     found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
     left, probability = impulse_left(prior[0], found, spread, prior[1])
-    seen = found > DETECTED * spread or (probability > LIKELIER and left > spread)
+    # in a free decay a weak one is more often a correlated error of the angle, and left out it is in the interval
+    likely = equation.drive != "none" and probability > LIKELIER and left > spread
+    seen = found > DETECTED * spread or likely
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
     possible = impulse_possible(equation, motion, found, plain.value("coulomb"))
     if not (seen and possible) and memory != "on":

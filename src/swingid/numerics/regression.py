@@ -159,21 +159,22 @@ class Beside:
         rest *= np.linalg.norm(rest, axis=-2, keepdims=True) > COLLINEAR * sizes
         return cls(fit, lever + again, rest)
 
-    def alone(self, error: Any = 0.0, means: Any = 0.0) -> LinearFit:
+    def alone(self, error: Any = None, means: Any = 0.0) -> LinearFit:
         """The further values (m,), their influence and the residuals of both; 0 of a column that X contains.
 
         error: standard deviation of a row by which a standard normal prior of the further values about these means (m,)
-        is weighted; it is rows of the fit, the last ones. By default there is none.
+        is weighted; it is rows of the fit, the last ones. By default there is none; 0 has no weight.
         """
         *many, rows, count = self.rest.shape
-        prior = np.arange(count if np.any(error) else 0)
+        prior = np.arange(0 if error is None else count)
         rest, left = np.zeros((*many, rows + len(prior), count)), np.zeros((*many, rows + len(prior)))
         rest[..., :rows, :], left[..., :rows] = self.rest, self.fit.residuals
-        rest[..., rows + prior, prior] = np.asarray(error)[..., None]
+        if error is not None:
+            rest[..., rows + prior, prior] = np.asarray(error)[..., None]
         left[..., rows:] = rest[..., rows + prior, prior] * means
         return fit_linear(rest, left)
 
-    def solved(self, error: Any = 0.0, means: Any = 0.0) -> LinearFit:
+    def solved(self, error: Any = None, means: Any = 0.0) -> LinearFit:
         """The fit with both, values (p + m,), those of the fit first; else as `alone`."""
         more, rows = self.alone(error, means), self.rest.shape[-2]
         influence = np.concatenate([-product(self.lever, more.influence), more.influence], axis=-2)

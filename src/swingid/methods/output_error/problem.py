@@ -145,8 +145,11 @@ def as_read(prediction: Prediction, problem: Problem, names: Sequence[str], valu
     """The measurement equation: zero offset, once-per-turn nonlinearity and latency added to the predicted angles.
 
     Each is proportional to one number that rig.toml states with an uncertainty, which is an unknown of the fit. names,
-    values (m,): of all unknowns, in the order of the slopes' columns; the derivatives are written into the slopes.
+    values (m,): of all unknowns, in the order of the slopes' columns; the derivatives are written into the slopes. A
+    motion that diverged has no readings.
     """
+    if not prediction.finite:
+        return prediction
     ours = [k for k, name in enumerate(names) if name == ZERO or name.startswith("sensors.")]
     outputs = prediction.outputs.copy() if ours else prediction.outputs
     # the latency acts on the angle that the nonlinearity is a function of, so it comes first

@@ -25,8 +25,7 @@ from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
-from swingid.methods.output_error import method
-from swingid.methods.output_error import motion as motions
+from swingid.methods.output_error import along, method
 from swingid.methods.output_error.axis_motion import COURSES, SPEED, WHEEL, axis_begin, axis_step
 from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
@@ -206,7 +205,7 @@ def test_a_slow_log_does_not_count_as_one_whose_friction_changes_all_the_time(vi
     problem = problem_of(log, Encoders.of(GIVEN), channel_noise(viscous_log, GIVEN), "voltage", 9.0, 1.0)
     values = np.array([INERTIA, 1.144e-3, 0.0])[: len(unknowns)]
     assert problem.moved(unknowns, values, problem.starts).finite
-    monkeypatch.setattr(motions, "CHATTERS", 1)
+    monkeypatch.setattr(along, "CHATTERS", 1)
     assert not problem.moved(unknowns, values, problem.starts).finite
 
 

@@ -28,7 +28,8 @@ from swingid.balance.wheel_equation import (
     allowed,
 )
 from swingid.calibration.motor.channels import GAP, WheelLog
-from swingid.methods.output_error.motion import READ_WHEEL, Steps, read_along, read_with_slopes, steps_of
+from swingid.methods.output_error.along import Steps, read_along, read_with_slopes, steps_of
+from swingid.methods.output_error.motion import READ_WHEEL
 from swingid.methods.output_error.unknowns import entries_of
 from swingid.model import parameters as at
 from swingid.model.integrator import STEP_KERNEL

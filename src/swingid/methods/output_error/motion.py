@@ -17,28 +17,23 @@ import numpy as np
 
 from swingid.methods.output_error.partials import (
     Further,
-    further_kernel,
     mass_rows,
     motor_row,
     sliding_row,
     sliding_slopes,
 )
 from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, Step, Z
-from swingid.model.motion import COUNTS, LONGEST, next_step
+from swingid.model.motion import COUNTS, next_step
 from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, FURTHER, GEAR, SIZE
 from swingid.model.sticking import Begin, stop_reversed
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import KernelPointer, njit, njit_inlined, place
-from swingid.numerics.shooting import Prediction
+from swingid.numerics.compiled import njit, njit_inlined, place
 
 READ_ANGLE, READ_WHEEL = 1, 2
 """Bits of `flags`: the angle, the wheel's angle is read at this knot."""
 
 PLAIN = 2
 """Columns of `inputs` that every motion has: the command, and the change of the axis' speed (rad/s) by a kick."""
-
-Steps = tuple[Array, Ints]
-"""The steps of a motion (n, FIELDS), and the first of each segment (k + 1,)."""
 
 MOST_STEPS = 5_000
 """Steps between two knots beyond which the simulation is abandoned as divergent (constants far off)."""
@@ -48,10 +43,6 @@ FIELDS = KICK + 1
 """Columns of `nodes`: length (s) of the step from here, voltage and mode in it; (q1, q1', q2, q2') here; (q1'', q2'')
 here and at the step's end; which speed has passed zero here (1 the axis', 2 the wheel's, 0 none); what is read here; by
 how much a kick has changed q1' here."""
-
-CHATTERS = 50
-"""Times as many steps as one per knot and `LONGEST`, from about which on a motion counts as divergent: its friction
-changes sides all the time. Motions that resemble a log take hardly more than once as many."""
 
 WIDEST, BLOCK = 64, 10
 """Most columns of sensitivities at a time. They lie in ten rows of this length: S (4, m) of (q1, q1', q2, q2'), then
@@ -147,42 +138,6 @@ def _note(nodes: Array, row: int, work: Array, mode: Mode, u: float, passed: flo
     nodes[row, TURN], nodes[row, WHEEL] = work[NOW, Q2], work[NOW, V2]
     nodes[row, RATE1], nodes[row, RATE2] = work[FIRST, V1], work[FIRST, V2]
     nodes[row, END1], nodes[row, END2] = work[FIRST, V1], work[FIRST, V2]
-
-
-def steps_of(
-    step: KernelPointer,
-    begin: KernelPointer,
-    knots: Array,
-    inputs: Array,
-    flags: Ints,
-    bounds: Ints,
-    states: Array,
-    p: Array,
-) -> Steps | None:
-    """The steps of a motion, see `motion_steps`; None where it diverges."""
-    begins = np.zeros(len(bounds), dtype=np.int64)
-    time = float(np.sum(knots[bounds[1:] - 1] - knots[bounds[:-1]]))
-    least = max(len(knots), int(time / LONGEST))
-    room = least + least // 4 + 100
-    while room <= CHATTERS * least:
-        nodes = np.empty((room, FIELDS))
-        ended = motion_steps(step, begin, knots, inputs, flags, bounds, states, p, nodes, begins)
-        if ended >= 0:
-            return (nodes, begins) if ended else None
-        room *= 4
-    return None
-
-
-def read_along(steps: Steps | None, measured: Array) -> Prediction:
-    """What is read along the steps of a motion, without derivatives; not finite where it diverges from `measured`."""
-    none = np.empty((len(measured), 0))
-    if steps is None:
-        return Prediction(measured, none, finite=False)
-    nodes = steps[0][: steps[1][-1]]
-    flags = nodes[:, FLAG].astype(np.int64)
-    read = (flags[:, None] & (READ_ANGLE, READ_WHEEL)) > 0
-    outputs, rates = nodes[:, ANGLE : TURN + 1 : 2][read], nodes[:, SPEED : WHEEL + 1 : 2][read]
-    return Prediction(outputs, none, rates=rates, steps=steps)
 
 
 @njit
@@ -387,28 +342,3 @@ def _carry(h: float, block: Array, jacobian: Array, wide: int) -> None:
         block[WIDEST + c] = w1 + sixth * (f1 + k1) + third * (g1 + h1)
         block[2 * WIDEST + c] = x2 + sixth * (w2 + y2) + third * (u2 + v2)
         block[3 * WIDEST + c] = w2 + sixth * (f2 + k2) + third * (g2 + h2)
-
-
-def read_with_slopes(
-    steps: Steps, initial: Ints, p: Array, entries: tuple[Ints, Ints, Array], peaks: Array, columns: int
-) -> tuple[Array, Array, Array]:
-    """Outputs, rates and slopes (r, columns) of `motion_readings`, any number of columns, some at a time.
-
-    Its room is made here, for in a kernel that costs a third of a second of compiling.
-    """
-    nodes, begins = steps
-    flags = nodes[: begins[-1], FLAG].astype(np.int64)
-    r, s, (places, to, weights) = int(np.bitwise_count(flags).sum()), int(np.max(initial)) + 1, entries
-    outputs, rates, slopes = np.empty(r), np.empty(r), np.empty((r, columns))
-    further, rows = further_kernel(p), np.zeros((2, SIZE + len(peaks)))
-    room = np.zeros(BLOCK * WIDEST), np.zeros((3, 7)), np.zeros(7), rows, np.zeros((3, 9)), np.zeros(2)
-    if columns <= WIDEST:
-        motion_readings(further, nodes, begins, initial, p, places, to, weights, peaks, outputs, rates, slopes, *room)
-        return outputs, rates, slopes
-    for first in range(s, columns, WIDEST - s):
-        own = (to >= first) & (to < first + WIDEST - s)
-        part = np.zeros((r, min(columns - first + s, WIDEST)))
-        mine, at, by = places[own], to[own] - first + s, weights[own]
-        motion_readings(further, nodes, begins, initial, p, mine, at, by, peaks, outputs, rates, part, *room)
-        slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]
-    return outputs, rates, slopes

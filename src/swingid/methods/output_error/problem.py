@@ -9,8 +9,9 @@ from typing import Literal
 
 import numpy as np
 
+from swingid.methods.output_error.along import Steps, read_along, read_with_slopes, steps_of
 from swingid.methods.output_error.axis_motion import AXIS_BEGIN, AXIS_STEP
-from swingid.methods.output_error.motion import PLAIN, Steps, read_along, read_with_slopes, steps_of
+from swingid.methods.output_error.motion import PLAIN
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
 from swingid.model.integrator import STEP_KERNEL
 from swingid.model.parameters import A12, D1, D2, DIRECT, GEAR, WHEEL_STATIC

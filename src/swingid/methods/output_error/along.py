@@ -1,0 +1,94 @@
+"""The steps of a motion, and what is read along them, as arrays: the kernels of `motion` with their room."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swingid.methods.output_error.motion import (
+    ANGLE,
+    BLOCK,
+    FIELDS,
+    FLAG,
+    READ_ANGLE,
+    READ_WHEEL,
+    SPEED,
+    TURN,
+    WHEEL,
+    WIDEST,
+    motion_readings,
+    motion_steps,
+)
+from swingid.methods.output_error.partials import further_kernel
+from swingid.model.motion import LONGEST
+from swingid.model.parameters import SIZE
+from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.compiled import KernelPointer
+from swingid.numerics.shooting import Prediction
+
+Steps = tuple[Array, Ints]
+"""The steps of a motion (n, FIELDS), and the first of each segment (k + 1,)."""
+
+CHATTERS = 50
+"""Times as many steps as one per knot and `LONGEST`, from about which on a motion counts as divergent: its friction
+changes sides all the time. Motions that resemble a log take hardly more than once as many."""
+
+
+def steps_of(
+    step: KernelPointer,
+    begin: KernelPointer,
+    knots: Array,
+    inputs: Array,
+    flags: Ints,
+    bounds: Ints,
+    states: Array,
+    p: Array,
+) -> Steps | None:
+    """The steps of a motion, see `motion_steps`; None where it diverges."""
+    begins = np.zeros(len(bounds), dtype=np.int64)
+    time = float(np.sum(knots[bounds[1:] - 1] - knots[bounds[:-1]]))
+    least = max(len(knots), int(time / LONGEST))
+    room = least + least // 4 + 100
+    while room <= CHATTERS * least:
+        nodes = np.empty((room, FIELDS))
+        ended = motion_steps(step, begin, knots, inputs, flags, bounds, states, p, nodes, begins)
+        if ended >= 0:
+            return (nodes, begins) if ended else None
+        room *= 4
+    return None
+
+
+def read_along(steps: Steps | None, measured: Array) -> Prediction:
+    """What is read along the steps of a motion, without derivatives; not finite where it diverges from `measured`."""
+    none = np.empty((len(measured), 0))
+    if steps is None:
+        return Prediction(measured, none, finite=False)
+    nodes = steps[0][: steps[1][-1]]
+    flags = nodes[:, FLAG].astype(np.int64)
+    read = (flags[:, None] & (READ_ANGLE, READ_WHEEL)) > 0
+    outputs, rates = nodes[:, ANGLE : TURN + 1 : 2][read], nodes[:, SPEED : WHEEL + 1 : 2][read]
+    return Prediction(outputs, none, rates=rates, steps=steps)
+
+
+def read_with_slopes(
+    steps: Steps, initial: Ints, p: Array, entries: tuple[Ints, Ints, Array], peaks: Array, columns: int
+) -> tuple[Array, Array, Array]:
+    """Outputs, rates and slopes (r, columns) of `motion_readings`, any number of columns, some at a time.
+
+    Its room is made here, for in a kernel that costs a third of a second of compiling.
+    """
+    nodes, begins = steps
+    flags = nodes[: begins[-1], FLAG].astype(np.int64)
+    r, s, (places, to, weights) = int(np.bitwise_count(flags).sum()), int(np.max(initial)) + 1, entries
+    outputs, rates, slopes = np.empty(r), np.empty(r), np.empty((r, columns))
+    further, rows = further_kernel(p), np.zeros((2, SIZE + len(peaks)))
+    room = np.zeros(BLOCK * WIDEST), np.zeros((3, 7)), np.zeros(7), rows, np.zeros((3, 9)), np.zeros(2)
+    if columns <= WIDEST:
+        motion_readings(further, nodes, begins, initial, p, places, to, weights, peaks, outputs, rates, slopes, *room)
+        return outputs, rates, slopes
+    for first in range(s, columns, WIDEST - s):
+        own = (to >= first) & (to < first + WIDEST - s)
+        part = np.zeros((r, min(columns - first + s, WIDEST)))
+        mine, at, by = places[own], to[own] - first + s, weights[own]
+        motion_readings(further, nodes, begins, initial, p, mine, at, by, peaks, outputs, rates, part, *room)
+        slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]
+    return outputs, rates, slopes

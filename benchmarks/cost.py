@@ -156,17 +156,7 @@ def spent(work: Callable[[], object]) -> float:
     """Processor seconds of a call, its worker processes included."""
     start = processor()
     work()
-    stop_workers()
     return processor() - start
-
-
-def stop_workers() -> None:
-    """Ends joblib's processes, so that their time counts."""
-    try:
-        from joblib.externals.loky import get_reusable_executor
-    except ImportError:
-        return
-    get_reusable_executor().shutdown(wait=True)
 
 
 def point(kind: str, size: int) -> dict[str, float]:

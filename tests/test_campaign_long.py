@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
@@ -52,16 +53,13 @@ def test_a_worker_of_a_dask_cluster_killed_in_the_middle(tmp_path: Path) -> None
 
 @pytest.mark.long
 def test_a_killed_process_of_this_machine_costs_time_only(tmp_path: Path) -> None:
-    pytest.importorskip("joblib")
-    from joblib.externals.loky import reusable_executor
-
     plan = plan_from_text(PLAN)
     run_campaign(plan, tmp_path / "one", workers=1)
     killed: list[int] = []
 
     def kill_one(done: int, trials: int, already: int) -> None:
         if not killed and 0 < done < trials:
-            killed.append(next(iter(reusable_executor._executor._processes)))
+            killed.append(active_children()[0].pid)
             os.kill(killed[0], signal.SIGKILL)
 
     run_campaign(plan, tmp_path / "two", workers=2, progress=kill_one)

@@ -164,16 +164,21 @@ def test_commands_of_one_answer(started, log, tmp_path, command):
 @pytest.mark.parametrize("group", [True, False])
 def test_a_campaign_keeps_its_runs_and_goes_on(started, tmp_path, group):
     folder = tmp_path / "runs"
-    one = started("campaign", "coverage", "--out", folder, "--workers", 2)
-    while not list(folder.glob("parts/part-*.parquet")):
-        assert one.process.poll() is None
-        time.sleep(0.2)
+
+    def started_and_further(than: int) -> Started:
+        """A campaign that has done more blocks than so many."""
+        one = started("campaign", "coverage", "--out", folder, "--workers", 2)
+        while len(list(folder.glob("parts/part-*.parquet"))) <= than:
+            assert one.process.poll() is None
+            time.sleep(0.2)
+        return one
+
+    one = started_and_further(0)
     said = rf"swingid: interrupted; (\d+) of 3000 runs are kept in {re.escape(str(folder))}; the same command goes on "
     check(one, tmp_path, group=group, last=said + "from there.")
     kept = len(list(folder.glob("parts/part-*.parquet")))
     assert kept > 0
-    again = started("campaign", "coverage", "--out", folder, "--workers", 2)
-    time.sleep(8.0)
+    again = started_and_further(kept)
     check(again, tmp_path, group=group, last=said + "from there.")
     assert len(list(folder.glob("parts/part-*.parquet"))) >= kept
 

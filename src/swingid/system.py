@@ -142,16 +142,32 @@ def interruption_waits() -> Iterator[None]:
         yield
 
 
+def _begin_work() -> None:
+    """Of a process of `worker_pool`: keep memory; end with the process that started it, which may be killed."""
+    from multiprocessing import connection, parent_process
+
+    keep_memory()
+    parent = parent_process()
+    assert parent is not None
+
+    def end_with_parent() -> None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
+
+
 @contextmanager
 def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
     """Some processes, which end at once where the block ends by an error or Ctrl-C; hand work over at its begin.
 
     Work is handed over within `interruption_waits`, as that starts the processes. Raises InputError where one of them
-    was ended from outside. They keep the memory that arrays give back (`keep_memory`).
+    was ended from outside. They keep the memory that arrays give back (`keep_memory`), and end where this one is
+    killed.
     """
     from concurrent.futures import BrokenExecutor, ProcessPoolExecutor  # which takes long to import
 
-    pool = ProcessPoolExecutor(count, initializer=keep_memory)
+    pool = ProcessPoolExecutor(count, initializer=_begin_work)
     try:
         yield pool
     except BaseException as error:

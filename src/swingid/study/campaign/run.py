@@ -14,8 +14,8 @@ import os
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,14 +25,11 @@ from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.store import Store, is_finished, made_by
 from swingid.study.campaign.trial import Row, batch_rows, run_trial
 from swingid.study.campaign.trust import fault_factors
-from swingid.system import cores, interruption_waits, locked
+from swingid.system import cores, interruption_waits, locked, worker_pool
 
 Progress = Callable[[int, int, int], None]
 
 Done = tuple[int, list[Row]]
-
-IDLE = 20
-"""s after which a process without work ends, as it does when the one that started it was killed."""
 
 MOST_LOST = 3
 """Times that processes may be lost before it is given up."""
@@ -68,11 +65,12 @@ def run_campaign(
         missing = [block for block in range(plan.blocks) if block not in there]
         if missing or not is_finished(store.folder):
             store.check_code()
-            for block, rows in blocks_done(plan, missing, workers, scheduler):
-                store.write(block, rows)
-                done += len(plan.block(block))
-                if progress is not None:
-                    progress(done, plan.trials, already)
+            with closing(blocks_done(plan, missing, workers, scheduler)) as blocks:
+                for block, rows in blocks:
+                    store.write(block, rows)
+                    done += len(plan.block(block))
+                    if progress is not None:
+                        progress(done, plan.trials, already)
             store.finish()
     return store.folder / "results.parquet"
 
@@ -84,7 +82,9 @@ def block_rows(plan: Plan, trials: Sequence[int]) -> list[Row]:
     return [row for trial in trials for row in run_trial(plan, trial)]
 
 
-def blocks_done(plan: Plan, blocks: Sequence[int], workers: int | None, scheduler: str | None) -> Iterator[Done]:
+def blocks_done(
+    plan: Plan, blocks: Sequence[int], workers: int | None, scheduler: str | None
+) -> Generator[Done]:
     """Number and rows of each block as it is done, in any order.
 
     workers: processes, None for one per core; scheduler: address of a Dask scheduler, which then counts instead.
@@ -106,39 +106,23 @@ def _one(plan: Plan, block: int) -> Done:
     return block, block_rows(plan, plan.block(block))
 
 
-def _one_for(parent: int, plan: Plan, block: int) -> Done:
-    """A block for the process that started this one; where that was killed nobody wants it, and this one ends."""
-    if os.getppid() != parent:
-        os._exit(1)
-    return _one(plan, block)
-
-
 def _by_processes(plan: Plan, blocks: Sequence[int], count: int) -> Iterator[Done]:
-    try:
-        from joblib import Parallel, delayed, parallel_config
-        from joblib.externals.loky.process_executor import TerminatedWorkerError
-    except ImportError:
-        raise UsageError(
-            "several workers need joblib: pip install 'swingid[campaign]', or take --workers 1", code="no-joblib"
-        ) from None
+    from concurrent.futures import as_completed  # which takes long to import
+
     left = dict.fromkeys(blocks)
-    for _ in range(MOST_LOST):
+    for attempt in range(MOST_LOST):
         try:
-            with parallel_config(backend="loky", inner_max_num_threads=1, idle_worker_timeout=IDLE):
-                pool = Parallel(n_jobs=count, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
+            with worker_pool(count) as pool:
                 with interruption_waits():
-                    found = pool(delayed(_one_for)(os.getpid(), plan, block) for block in list(left))
-                for block, rows in found:
+                    done = as_completed([pool.submit(_one, plan, block) for block in left])
+                for future in done:
+                    block, rows = future.result()
                     del left[block]
                     yield block, rows
             return
-        except TerminatedWorkerError:
-            continue
-    raise InputError(
-        f"worker processes died {MOST_LOST} times, perhaps for want of memory; start again with fewer --workers, "
-        "what is done is kept",
-        code="lost-workers",
-    )
+        except InputError as error:
+            if error.code != "lost-workers" or attempt + 1 == MOST_LOST:
+                raise
 
 
 def _by_dask(plan: Plan, blocks: Sequence[int], scheduler: str) -> Iterator[Done]:

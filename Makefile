@@ -22,7 +22,7 @@ test: style types layers wheel unit
 
 test-long: $(STAMP)
 	@echo "== long tests"
-	@$(BIN)/python -m pytest -m long --durations=10
+	@$(BIN)/python -m pytest -m long -n 2 --maxschedchunk=1 --durations=20
 
 docs: $(STAMP)
 	@echo "== documentation site (Sphinx)"

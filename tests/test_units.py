@@ -43,6 +43,8 @@ finite = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e200, max_
         ("78 ± 1 mNm", "N*m", 0.078, 0.001),
         ("1 mN*m/(deg/s)", "N*m*s", 0.18 / math.pi, None),
         ("2 kHz", "Hz", 2000.0, None),
+        ("2 N m s^(3/2)", "N m s^1.5", 2.0, None),
+        ("2 N m s^(-1/2)", "N m s^-0.5", 2.0, None),
         ("3 J", "N*m", 3.0, None),
         ("2 lb in^2", "kg*m^2", 2 * 0.45359237 * 0.0254**2, None),
     ],

@@ -31,7 +31,7 @@ _QUANTITY = re.compile(
 _TERM = re.compile(rf"\s*(?P<value>{_NUMBER})\s*(?:(?:±|\+/-|\+-)\s*(?P<std>{_NUMBER})\s*(?P<percent>%)?)?\s*")
 _OPERATOR = re.compile(r"[*/]\s*\(?\s*\.?[0-9]|\s[+-]\s|\)\s*[*/^]")
 # Names, whole and half powers, products and quotients: pint would also evaluate 9^9^9^9, so it never sees other text.
-_NAME = r"(?:[A-Za-zµμΩ]+(?: ?(?:\^|\*\*) ?\(?[+-]?(?:[1-9](?:\.5)?|0\.5)\)?)?)"
+_NAME = r"(?:[A-Za-zµμΩ]+(?: ?(?:\^|\*\*) ?(?:\(?[+-]?(?:[1-9](?:\.5)?|0\.5)\)?|\([+-]?[1-9] ?/ ?2\)))?)"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?\(?{_NAME}(?:(?: ?[*/] ?| )\(?{_NAME}\)?)*\)?")
 _HERTZ = re.compile(r"Hz|hertz")
 _NO_FREQUENCY = "is given in {}, but is an angular speed; write rad/s, deg/s or turns/s"

@@ -104,8 +104,10 @@ def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert (
         main(["identify", *logs(folder, "a", "broken", "c"), *rig, "--json", str(target), "--report", str(page)]) == 0
     )
-    out = capsys.readouterr().out
-    assert "[[Logs]]" in out
+    brief = capsys.readouterr().out
+    assert [line.split()[0] for line in brief.splitlines()[1:4]] == ["a.parquet", "broken.parquet", "c.parquet"]
+    assert main(["identify", *logs(folder, "a", "broken", "c"), *rig, "-v"]) == 0
+    assert "[[Logs]]" in capsys.readouterr().out
     data = json.loads(target.read_text(encoding="utf-8"))
     assert data["schema"] == "swingid.result/1"
     assert [one["status"] for one in data["per_log"]] == ["ok", "refused", "ok"]

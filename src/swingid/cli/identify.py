@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swingid.cli.compile import compile_first, kernels_of
-from swingid.cli.options import Certificate, JsonOrRefusal, LogRigFile, Logs, Method, Report, rig_of
+from swingid.cli.options import Certificate, JsonOrRefusal, LogRigFile, Logs, Method, Report, Verbose, rig_of
 from swingid.cli.output import (
     check_report,
     check_targets,
@@ -101,6 +101,7 @@ def identify(
     ] = None,
     report: Report = None,
     certificate: Certificate = None,
+    verbose: Verbose = False,
 ) -> None:
     """Identify the moment of inertia and the friction that LOG shows, with their uncertainties.
 
@@ -132,7 +133,9 @@ def identify(
     with refusals_to(json, method, provenance, report, stated), begun as digest:
         reading = replace(reading, digest=digest)
         result = _identify(logs, rig, method, options, reading, provenance, json, report, stated, monte_carlo)
-    hand_over(result, json, report)
+    from swingid.result.brief import brief
+
+    hand_over(result, json, report, text=None if verbose else brief(result))
 
 
 def _options(given: list[str]) -> dict[str, object]:

@@ -67,6 +67,9 @@ JsonOrRefusal = Annotated[
 Report = Annotated[
     str | None, typer.Option(metavar="FILE", help="Write a report: one HTML file, or a PDF if the name ends in .pdf.")
 ]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Print all: whole budget, friction laws, notes, correlations.")
+]
 Certificate = Annotated[
     str | None,
     typer.Option(metavar="LAB.toml", help="Laboratory, customer and item for the report; see docs/report.md."),

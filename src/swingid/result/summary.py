@@ -71,7 +71,7 @@ def named(result: ResultData) -> str:
 def segment_text(details: Details, *, fine: bool = False) -> str:
     """'3.20 s to 25.00 s, 52 turning points, modulating functions of ±0.18 s'."""
     inside = (details.turning_times >= details.start) & (details.turning_times <= details.stop)
-    parts = [f"{details.start:.2f} s to {details.stop:.2f} s", _count(int(inside.sum()), "turning point")]
+    parts = [f"{details.start:.2f} s to {details.stop:.2f} s", counted(int(inside.sum()), "turning point")]
     if details.window is not None:
         parts.append(f"modulating functions of ±{number(details.window, 's', 3, fine=fine)}")
     return ", ".join(parts)
@@ -93,7 +93,7 @@ def _log_text(provenance: dict[str, object]) -> str:
     if isinstance(tare, dict) and isinstance(loaded, dict):
         return f"{loaded.get('result')} less {tare.get('result')}"
     if isinstance(logs, list):
-        return _count(len(logs), "log")
+        return counted(len(logs), "log")
     path, rows = provenance.get("log"), provenance.get("rows")
     return f"{path or 'made in memory'}" + (f" ({rows} rows)" if rows else "")
 
@@ -189,16 +189,14 @@ def _budget(result: ResultData) -> list[str]:
     left = f"{len(rest)} smaller ones together"
     width = min(max(len(left), *(len(entry.source) for entry in shown)), 60)
     lines = [
-        f"    {entry.type}  {entry.source:<{width}}  {_share(entry.standard_uncertainty, inertia)}" for entry in shown
+        f"    {entry.type}  {entry.source:<{width}}  {share(entry.standard_uncertainty, inertia)}" for entry in shown
     ]
     if rest:
-        lines.append(f"       {left:<{width}}  {_share(combined(rest, result.leading), inertia)}")
+        lines.append(f"       {left:<{width}}  {share(combined(rest, result.leading), inertia)}")
     totals = [(kind, [e for e in entries if e.type == kind]) for kind in ("A", "B")]
     words = {"A": "from the data", "B": "from the rig's constants"}
     text = "; ".join(
-        f"type {kind} ({words[kind]}) {_share(combined(part, result.leading), inertia)}"
-        for kind, part in totals
-        if part
+        f"type {kind} ({words[kind]}) {share(combined(part, result.leading), inertia)}" for kind, part in totals if part
     )
     return [*lines, f"    {text}"]
 
@@ -239,7 +237,8 @@ def folded(entries: list[BudgetEntry], most: int) -> tuple[list[BudgetEntry], li
     return (entries, []) if len(entries) - count < 2 else (entries[:count], entries[count:])
 
 
-def _share(uncertainty: float, parameter: Parameter) -> str:
+def share(uncertainty: float, parameter: Parameter) -> str:
+    """An uncertainty relative to the value of the parameter, in its unit where that is 0."""
     if not parameter.value:
         return number(uncertainty, parameter.unit, 2)
     return percent(uncertainty / abs(parameter.value))
@@ -258,7 +257,7 @@ def _friction(details: Details | None) -> list[str]:
         width = max(len(name) for name, _ in shown)
         lines += [f"      {name:<{width}}  +{score - best:.1f}" for name, score in shown]
         if len(ranked) > MOST_LAWS:
-            lines.append(f"      and {_count(len(ranked) - MOST_LAWS, 'law')} further off")
+            lines.append(f"      and {counted(len(ranked) - MOST_LAWS, 'law')} further off")
     return lines
 
 
@@ -298,5 +297,6 @@ def _as_clause(sentence: str) -> str:
     return " ".join(sentence.split()).rstrip(".") + "."
 
 
-def _count(count: int, noun: str) -> str:
+def counted(count: int, noun: str) -> str:
+    """'1 log', '2 logs'."""
     return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import pickle
 import subprocess
 import sys
@@ -82,9 +81,7 @@ def block_rows(plan: Plan, trials: Sequence[int]) -> list[Row]:
     return [row for trial in trials for row in run_trial(plan, trial)]
 
 
-def blocks_done(
-    plan: Plan, blocks: Sequence[int], workers: int | None, scheduler: str | None
-) -> Generator[Done]:
+def blocks_done(plan: Plan, blocks: Sequence[int], workers: int | None, scheduler: str | None) -> Generator[Done]:
     """Number and rows of each block as it is done, in any order.
 
     workers: processes, None for one per core; scheduler: address of a Dask scheduler, which then counts instead.

@@ -1,0 +1,144 @@
+"""A result in a dozen lines: the number with its expanded uncertainty, status, what dominates, what would help."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+from math import sqrt
+from pathlib import Path
+
+from swingid.format import interval, number, percent, plus_minus
+from swingid.result.data import ResultData
+from swingid.result.summary import AGREEMENT, WIDTH, counted, log_row, relative, share, sorted_budget, summarise
+from swingid.uncertainty.budget import BudgetEntry, Parameter
+
+MOST_PARAMETERS, MOST_LOGS, MOST_SHARES, MOST_NOTES = 3, 3, 3, 5
+"""Lines for parameters beside the first, for logs and contributions, and names of notes; in all at most 15 lines."""
+
+STATUS = {
+    "ok": "ok, no check found anything that matters",
+    "warning": "warning, check the number for the reasons below",
+}
+
+
+def brief(result: ResultData) -> str:
+    """`result` in at most 15 lines, and its warnings in full; a refused one as `summarise` has it."""
+    if result.status == "refused":
+        return summarise(result)
+    rows = [
+        *_values(result),
+        *_draws(result),
+        *_logs(result),
+        ("status", STATUS[result.status]),
+        ("log", _origin(result)),
+    ]
+    rows += [*_shares(result), *_notes(result)]
+    wide = max(len(name) for name, _ in rows) + 2
+    lines = [line for name, text in rows for line in _wrapped(f"{name:<{wide}}{text}", " " * wide)]
+    warned = (_wrapped(f"{one.code}: {one.message}", "    ") for one in result.warnings)
+    return "\n".join([*lines, *(line for each in warned for line in each)])
+
+
+def expanded(parameter: Parameter) -> str:
+    """Value ± half of its 95 % interval, with the coverage factor and the relative standard uncertainty."""
+    if parameter.interval95 is None or parameter.coverage_factor is None:
+        return f"{number(parameter.value, parameter.unit)}  (uncertainty unknown)"
+    low, high = parameter.interval95
+    text = plus_minus(parameter.value, (high - low) / 2, parameter.unit)
+    u = relative(parameter)
+    return f"{text}  (95 %, k = {parameter.coverage_factor:.2f}" + (
+        f"; u {'' if u.startswith('>') else '= '}{u})" if u else ")"
+    )
+
+
+def _values(result: ResultData) -> Iterator[tuple[str, str]]:
+    """The leading parameter, then the others and the friction law."""
+    names = sorted(result.parameters, key=lambda name: name != result.leading)
+    shown = names[: 2 if result.per_log else 1 + MOST_PARAMETERS]
+    for name in shown:
+        yield name, expanded(result.parameters[name])
+    if len(names) > len(shown):
+        yield "", f"and {counted(len(names) - len(shown), 'more parameter')}: -v"
+    law = result.details.friction.law if result.details is not None and result.details.friction is not None else None
+    if law and not result.per_log:
+        yield "friction", law
+
+
+def _draws(result: ResultData) -> Iterator[tuple[str, str]]:
+    """The leading parameter by propagation of distributions."""
+    found = result.monte_carlo
+    if found is None:
+        return
+    if result.leading not in found.parameters:
+        yield "draws", f"{found.answered} of {found.draws} have an estimate: too few for a distribution"
+        return
+    one = found.parameters[result.leading]
+    ends = interval(one.interval95, middle=one.mean)
+    yield "draws", f"{ends}, shortest 95 % of {found.answered}; {AGREEMENT[one.agrees]}"
+
+
+def _logs(result: ResultData) -> Iterator[tuple[str, str]]:
+    """Of each log its value, its deviation from the common one, its warnings, or why it has none."""
+    for one in result.per_log[:MOST_LOGS]:
+        name, _, off, warnings = log_row(one, result)
+        if one.leading not in one.parameters:  # for which reason the warning says
+            yield Path(name).name, "no number"
+            continue
+        value = expanded(one.main)
+        yield Path(name).name, "  ".join(text for text in (value, off, warnings) if text)
+    if len(result.per_log) > MOST_LOGS:
+        yield "", f"and {counted(len(result.per_log) - MOST_LOGS, 'more log')}: -v"
+
+
+def _origin(result: ResultData) -> str:
+    """Which log, which part of it, which rig, which method."""
+    known, details = result.provenance, result.details
+    logs = known.get("logs")
+    log = f"{len(logs)} logs" if isinstance(logs, list) else Path(str(known.get("log") or "a log made in memory")).name
+    if details is not None:
+        log += f", {details.start:.2f} to {details.stop:.2f} s"
+    return "; ".join([log, *([f"rig {known['rig']}"] if known.get("rig") else []), f"method {result.method}"])
+
+
+def _shares(result: ResultData) -> Iterator[tuple[str, str]]:
+    """The largest contributions to the standard uncertainty, and what makes the first of them smaller."""
+    entries = sorted_budget(result.budget, result.leading)
+    if not entries or result.leading not in result.parameters:
+        return
+    main = result.parameters[result.leading]
+    for k, entry in enumerate(entries[:MOST_SHARES]):
+        yield "budget" if k == 0 else "", f"{share(entry.standard_uncertainty, main)}  {entry.source}"
+    yield "to reduce", _remedy(entries[0], main)
+
+
+def _remedy(entry: BudgetEntry, main: Parameter) -> str:
+    """What makes a contribution smaller, and where that is known the 95 % interval with half of it."""
+    key = entry.shared_id or ""
+    if key.startswith("sensors") or ".sensors" in key:
+        return f"calibrate the encoders (swingid calibrate --encoders LOG); with half of it {_halved(entry, main)}"
+    if entry.type == "B":
+        return f"measure {key or entry.source} again; with half its uncertainty {_halved(entry, main)}"
+    if entry.origin.averages_over_logs:
+        return f"four times as many swings, in one log or in several: {_halved(entry, main)}"
+    return "more swings do not change the first; look in the report (--report FILE) for where it comes from"
+
+
+def _halved(entry: BudgetEntry, main: Parameter) -> str:
+    """The expanded uncertainty where one contribution were half as large, with the coverage factor as it is."""
+    if main.standard_uncertainty is None or main.coverage_factor is None:
+        return "the interval is still unknown"
+    left = main.standard_uncertainty**2 - 0.75 * entry.standard_uncertainty**2
+    reach = main.coverage_factor * sqrt(max(left, 0.0))
+    size = percent(reach / abs(main.value)) if main.value else number(reach, main.unit, 2)
+    return f"± {size} (95 %)"
+
+
+def _notes(result: ResultData) -> Iterator[tuple[str, str]]:
+    if result.notes:
+        codes = list(dict.fromkeys(note.code for note in result.notes))
+        left = f" and {len(codes) - MOST_NOTES} more" if len(codes) > MOST_NOTES else ""
+        yield "notes", f"{', '.join(codes[:MOST_NOTES])}{left} (-v shows them)"
+
+
+def _wrapped(text: str, further: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)

@@ -177,7 +177,7 @@ def parameters(text: str) -> dict[str, tuple[float, float]]:
 
 def summary_of(log: Path, rig: str, *words: str) -> str:
     logs = sorted(str(one) for one in log.parent.glob(log.name))
-    command = ["-m", "swingid", "identify", *logs, "--rig", rig, *words]
+    command = ["-m", "swingid", "identify", *logs, "--rig", rig, *words, "-v"]
     return run_example(*command, folder=ROOT)
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from swingid.cli import main
+from swingid.cli.groups import GROUPS
 from swingid.cli.options import method_name
 
 SINE = ["--reference", "sine 0.8 rad 8.5 rad/s"]
@@ -188,7 +189,6 @@ def test_a_refusal_replaces_an_older_result(run: Run, log: Path, tmp_path: Path)
 @pytest.mark.parametrize(
     "arguments",
     [
-        [],
         ["weigh"],
         ["identify"],
         ["identify", "a.csv"],
@@ -237,7 +237,7 @@ def test_the_page_of_commands_begins_with_all_of_them() -> None:
 
     page = (Path(__file__).parents[1] / "docs" / "cli.md").read_text(encoding="utf-8")
     named = re.findall(r"^    swingid (\w+)", page.partition("\n## ")[0], re.M)
-    there = [command.callback.__name__ for command in app.registered_commands if command.callback]
+    there = [one.callback.__name__ for one in app.registered_commands if one.callback and not one.hidden]
     assert sorted(named) == sorted(there)
     for name in there:
         assert f"\n## {name}\n" in page
@@ -460,3 +460,22 @@ def test_simulate_free_decay_and_direct_drive(run: Run, tmp_path: Path) -> None:
     followed = Recording.load(out, Rig.load(direct))
     assert followed.torque is not None
     assert 0.3 < abs(followed.angle[-4000:]).max() < 0.8
+
+
+def test_help_has_every_command_whole(run: Run) -> None:
+    text = run("--help").out
+    assert "..." not in text.replace("[ARGS]...", "")
+    names = {command.__name__ for members in GROUPS.values() for command, _ in members}
+    assert names <= set(re.findall(r"^  ([a-z]+)  ", text, re.M))
+    assert run("help").out == text
+    assert "--part" in run("help", "identify").out
+    assert run("help", "identfy").code == 2
+    assert run("version").out == run("--version").out
+
+
+def test_alone_it_says_where_to_begin(run: Run) -> None:
+    found = run()
+    assert found.code == 2
+    for line in found.out.splitlines()[:3]:
+        name = line.split()[1]
+        assert name in {command.__name__ for members in GROUPS.values() for command, _ in members}

@@ -9,43 +9,43 @@ from typing import Annotated
 
 import typer
 
-from swingid.cli.calibrate import calibrate
-from swingid.cli.campaign import campaign
-from swingid.cli.commission import commission
-from swingid.cli.compile import compile
-from swingid.cli.dashboard import dashboard
-from swingid.cli.doctor import doctor
-from swingid.cli.emulate import emulate
-from swingid.cli.exchange import export, schema
-from swingid.cli.experiments import design, rehearse, reproduce
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, attending, exit_code, interrupted, settle_output
-from swingid.cli.identify import identify
-from swingid.cli.live import recover
-from swingid.cli.live import run as run_live
-from swingid.cli.logs import convert, datasets, init, inspect
+from swingid.cli.groups import FIRST, GROUPS, Grouped
 from swingid.cli.output import flush
-from swingid.cli.record import record
-from swingid.cli.results import compare, difference, validate
-from swingid.cli.simulate import simulate
-from swingid.cli.stop import stop
-from swingid.cli.tensor import tensor
-from swingid.cli.weigh import weigh
+from swingid.errors import UsageError
 from swingid.system import WRITTEN
 
 app = typer.Typer(
     name="swingid",
+    cls=Grouped,
+    invoke_without_command=True,
     add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (
-    *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, compile, convert, dashboard),
-    *(datasets, design, difference, doctor, emulate, export, record, recover, rehearse, reproduce, schema),
-    *(stop, tensor, validate, weigh),
-):
-    app.command()(command)
-app.command("run")(run_live)
+for members in GROUPS.values():
+    for command, _ in members:
+        app.command()(command)
+
+
+@app.command("help", hidden=True)
+def _help(context: typer.Context, command: Annotated[str | None, typer.Argument()] = None) -> None:
+    """Print the help of all commands, or of one."""
+    group = context.find_root().command
+    found = group if command is None else group.get_command(context, command)  # type: ignore[attr-defined]
+    if found is None:
+        raise UsageError(f"there is no command {command!r}; see swingid --help", code="no-command")
+    parent = context.find_root()
+    typer.echo(
+        found.get_help(parent if command is None else found.make_context(command, [], parent, resilient_parsing=True))
+    )
+
+
+@app.command("version", hidden=True)
+def _print_version() -> None:
+    """Print the version."""
+    _version(wanted=True)
 
 
 def _version(wanted: bool) -> None:
@@ -58,6 +58,7 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _swingid(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
@@ -66,6 +67,9 @@ def _swingid(
 
     Exit codes: 0 fine, 2 wrong usage, 3 unusable input, 4 the data cannot answer, 5 no device, 70 a bug of swingid.
     """
+    if context.invoked_subcommand is None:
+        typer.echo(FIRST)
+        raise typer.Exit(UsageError.exit_code)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

@@ -258,7 +258,7 @@ def test_a_refusal_is_reported(run: Run, tmp_path: Path, content: str) -> None:
 
 
 @pytest.mark.parametrize("option", ["--json", "--report"])
-@pytest.mark.parametrize("place", ["missing/r.x", "folder", "file/r.x", "y" * 300])
+@pytest.mark.parametrize("place", ["missing/r.html", "folder", "file/r.html", "y" * 300])
 def test_unwritable_outputs_are_exit_3_and_named(run: Run, log: Path, tmp_path: Path, option: str, place: str) -> None:
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("")

@@ -99,7 +99,7 @@ def check_targets(targets: Mapping[str, str | None], inputs: Mapping[str, str]) 
             raise UsageError(f"{option} {target} would overwrite {used[path]}; give another name", code="overwrite")
         used[path] = f"what {option} writes"
         if option == "--report":
-            _check_pdf(target)
+            _check_form(target)
 
 
 def check_report(report: str | None, certificate: str | None) -> Certificate | None:
@@ -116,10 +116,15 @@ def check_report(report: str | None, certificate: str | None) -> Certificate | N
     return load_certificate(certificate)
 
 
-def _check_pdf(report: str) -> None:
-    """Raise InputError for a report as PDF without the extra `pdf`."""
+def _check_form(report: str) -> None:
+    """Raise UsageError for a report that is neither HTML nor PDF, InputError for a PDF without the extra `pdf`."""
     from swingid.report.page import is_pdf
 
+    if Path(report).suffix.lower() not in ("", ".html", ".htm", ".pdf"):
+        raise UsageError(
+            f"--report {report}: a report is an HTML or a PDF file; let its name end in .html or .pdf",
+            code="bad-target",
+        )
     if is_pdf(report):
         from swingid.report.pdf import require_typst
 

@@ -84,7 +84,7 @@ void swingid_loop(const swingid_config *config) {
         hal_wait();
         printf("sample %u\n", (unsigned)now);
         hal_read(&inputs);
-        hal_apply(i % 2 ? 6.0f : -6.0f);
+        hal_apply(i % 2 ? 6.0f : -6.0f, 1);
         if (hal_send(bytes, 100) != 64) printf("sent\n");
     }
     printf("hung\n");

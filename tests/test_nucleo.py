@@ -15,21 +15,25 @@ import numpy as np
 import pytest
 
 from firmware_build import FIRMWARE
-from live_host import RIG, encode, experiment
-from nucleo_chip import DOG, GPIOA, GPIOB, IWDG, MOST, RCC, SPI1, SUPPLY, TIM6, USART2, As5048a, Chip
+from live_host import RIG, arm_frame, encode, experiment, parameter_frames, reference_frames
+from nucleo_chip import DOG, GPIOA, GPIOB, IWDG, MOST, RCC, SPI1, SUPPLY, TIM1, TIM6, USART2, As5048a, Chip
+from swingid.cli.app import run as swingid
 from swingid.control.compensator import Compensator
 from swingid.control.references.parse import parse_reference
+from swingid.errors import DeviceError
 from swingid.identification import identify
 from swingid.live.codes import FaultCode, Flag, State
 from swingid.live.commission import commission
 from swingid.live.devices.twin import TwinDevice
 from swingid.live.experiment import Conductor, Order
+from swingid.live.firmware import named
 from swingid.live.frames import Decoder, Frame
 from swingid.live.guard import Board, Limits, Readings, parameters_of
 from swingid.live.machine import Machine, most_taken
 from swingid.live.plant import Plant, board_of
 from swingid.live.session import Reason, Session
 from swingid.recording.recording import Recording
+from swingid.report.tables import log_rows
 
 IMAGE = (FIRMWARE / "images" / "nucleo.bin").read_bytes()
 BOARD = replace(board_of(RIG, firmware=zlib.crc32(IMAGE)), most_order=3)
@@ -114,9 +118,77 @@ def test_commissioning_and_the_papers_experiment_on_the_image_give_the_inertia(t
     order = Order(SINE, Compensator.paper(RIG), 20.0)
     done = Conductor(RIG, device).run(order, tmp_path / "run.mcap")
     assert done.end.reason is Reason.FINISHED
-    result = identify(Recording.load(tmp_path / "run.mcap", RIG), RIG)
+    log = Recording.load(tmp_path / "run.mcap", RIG)
+    result = identify(log, RIG)
     assert abs(result.inertia.value / 3.022e-3 - 1) < 2e-4
     assert not chip.enabled()
+    rows = {row.name: row.value for row in log_rows(log, result)}
+    assert rows["device"].endswith(f"firmware {zlib.crc32(IMAGE):08x}")
+
+
+def test_the_command_writes_the_image_and_a_run_names_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert swingid(["firmware", "nucleo", "--out", str(tmp_path / "nucleo.bin")]) == 0
+    assert (tmp_path / "nucleo.bin").read_bytes() == IMAGE
+    assert f"{zlib.crc32(IMAGE):08x}" in capsys.readouterr().out
+    assert swingid(["firmware", "uno", "--out", str(tmp_path / "uno.bin")]) == 2
+    assert "boards: nucleo" in capsys.readouterr().err
+    assert named(zlib.crc32(IMAGE)) == f"{zlib.crc32(IMAGE):08x} (the image nucleo of this version)"
+    assert named(0x12345678) == "12345678"
+
+
+def steps(order: int) -> Compensator:
+    """The paper's controller with a chain of so many filters; its gains cost what others cost."""
+    alpha = np.polynomial.polynomial.polyfromroots([-1.0 - i for i in range(order)])
+    k = np.polynomial.polynomial.polyfromroots([-2.0 - i for i in range(order)])[:-1]
+    return replace(Compensator.paper(RIG), alpha=tuple(alpha[::-1]), k=tuple(k), k_tilde0=30.0)
+
+
+def instructions(order: int) -> tuple[list[int], list[int]]:
+    """Of some samples of a run: from the first word to the encoders up to the voltage, and in all."""
+    chip, parameters = booted(), parameters_of(steps(order), BOARD, Limits.of(RIG))
+    sent = [*parameter_frames(parameters).split(b"\0")[:-1], arm_frame(parameters)[:-1]]
+    sent += [reference_frames([0.1] * 14, last=False)[:-1], encode("Run", session=7)[:-1]]
+    for frame in sent:
+        chip.receive(frame + b"\0")
+        chip.tick(0, Readings(0, 0))
+    voltage, whole = [], []
+    for k in range(8):
+        chip.receive(encode("Heartbeat", session=7))
+        counts = chip.counted(lambda k=k: chip.tick(0, Readings(10 * k, 300 * k)))
+        voltage.append(sum(counts[1:-1]))
+        whole.append(sum(counts))
+    assert Decoder().feed(chip.output())[-1].state == State.RUNNING
+    return voltage, whole
+
+
+CYCLES = 1.5
+"""Cycles an instruction at most, on the average of this code: ARM's manual states 1 for arithmetic, 2 for loads and 2
+to 4 for branches taken, of which the soft doubles are a sixth each."""
+
+
+@pytest.mark.parametrize("order", range(4))
+def test_a_sample_has_the_time_for_its_controller_and_a_flood_of_the_host(order: int) -> None:
+    """140 instructions a byte at worst (core/device.h), 200 bytes a sample."""
+    _, whole = instructions(order)
+    assert CYCLES * (max(whole) + 140 * most_taken(BOARD)) < MOST
+
+
+def test_the_voltage_begins_at_the_same_edge_of_the_pwm_in_each_sample() -> None:
+    """Of the paper's controller, from one cycle an instruction to the most, behind four frames to the encoders."""
+    voltage, _ = instructions(1)
+    first = 50.0 * (1.0 - booted().registers[TIM1 + 0x24] / 9000)
+    begin, end = (us + 4 * 16 / 2.8125 for us in (min(voltage) / 180, CYCLES * max(voltage) / 180))
+    assert first == pytest.approx(15.0)
+    assert (begin - first) // 50.0 == (end - first) // 50.0 == 1
+
+
+def test_a_controller_that_the_board_cannot_compute_in_a_sample_is_refused_by_name() -> None:
+    session = Session(TwinDevice(Plant(RIG), BOARD, machine=booted(), clock=CLOCK))
+    session.connect()
+    with pytest.raises(DeviceError, match=r"of order 4, and .* computes order 3 at most") as error:
+        session.load(parameters_of(steps(4), BOARD, Limits.of(RIG)))
+    assert error.value.code == "order-too-high"
+    session.load(parameters_of(steps(3), BOARD, Limits.of(RIG)))
 
 
 def built(arm: str, folder: Path) -> bytes:

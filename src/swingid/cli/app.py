@@ -19,6 +19,7 @@ from swingid.cli.emulate import emulate
 from swingid.cli.exchange import export, schema
 from swingid.cli.experiments import design, rehearse, reproduce
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, attending, exit_code, interrupted, settle_output
+from swingid.cli.firmware import firmware
 from swingid.cli.identify import identify
 from swingid.cli.live import recover
 from swingid.cli.live import run as run_live
@@ -41,7 +42,7 @@ app = typer.Typer(
 )
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, compile, convert, dashboard),
-    *(datasets, design, difference, doctor, emulate, export, record, recover, rehearse, reproduce, schema),
+    *(datasets, design, difference, doctor, emulate, export, firmware, record, recover, rehearse, reproduce, schema),
     *(stop, tensor, validate, weigh),
 ):
     app.command()(command)

@@ -27,6 +27,7 @@ from swingid.live.commission import commission
 from swingid.live.devices.twin import TwinDevice
 from swingid.live.experiment import Conductor, Order
 from swingid.live.firmware import named
+from swingid.live.firmware_encoders import Turned, by_hand
 from swingid.live.frames import Decoder, Frame
 from swingid.live.guard import Board, Limits, Readings, parameters_of
 from swingid.live.machine import Machine, most_taken
@@ -134,6 +135,39 @@ def test_the_command_writes_the_image_and_a_run_names_it(tmp_path: Path, capsys:
     assert "boards: nucleo" in capsys.readouterr().err
     assert named(zlib.crc32(IMAGE)) == f"{zlib.crc32(IMAGE):08x} (the image nucleo of this version)"
     assert named(0x12345678) == "12345678"
+
+
+class Turning(Plant):
+    """A rig whose body and wheel a hand turns, the motor off."""
+
+    wheel = 1.0
+
+    def read(self) -> Readings:
+        super().read()
+        angle = np.sin(4e-3 * self.row)
+        return Readings(round(4000 * angle), round(5000 * self.wheel * angle))
+
+
+def by_hand_on(chip: Chip, plant: Plant, seconds: float = 1.0) -> list[Turned]:
+    assert not chip.enabled()
+    found = by_hand(Session(TwinDevice(plant, BOARD, machine=chip, clock=CLOCK)), seconds=seconds)
+    assert not chip.enabled()
+    return found
+
+
+def test_encoders_are_looked_at_by_hand_before_anything_is_armed() -> None:
+    axis, wheel = by_hand_on(booted(), Turning(RIG))
+    assert (axis.name, wheel.name) == ("axis", "wheel")
+    assert 90.0 < axis.range < 176.0  # 4000 counts to both sides
+    assert wheel.range == pytest.approx(1.25 * axis.range, rel=1e-3)
+    still = Turning(RIG)
+    still.wheel = 0.0
+    for chip, plant, code in ((booted(), still, "not-turned"), (booted(), Turning(RIG), "no-readings")):
+        if code == "no-readings":
+            chip.axis.diagnosis = 0x0980
+        with pytest.raises(DeviceError) as error:
+            by_hand_on(chip, plant)
+        assert error.value.code == code
 
 
 def steps(order: int) -> Compensator:

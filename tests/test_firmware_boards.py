@@ -116,6 +116,13 @@ def test_the_arduino_sketch_has_a_watchdog_that_samples_alone_feed(board: str, t
         assert said[interrupted + 1 :] == [f"level {PWM} 0", f"level {DIRECTION} 0", f"plain {PWM}"]
 
 
+def test_the_arduino_sketch_sends_where_the_core_never_tells_its_room(tmp_path: Path) -> None:
+    done = arduino(tmp_path / "sketch", BOARDS[0], "ROOM=0")
+    assert done.returncode == 0, done.stderr
+    said = subprocess.run([str(tmp_path / "sketch")], capture_output=True, text=True, check=True).stdout.splitlines()
+    assert "sent" not in said  # the board counts what is not 64 bytes
+
+
 def test_the_arduino_sketch_refuses_a_board_whose_watchdog_it_does_not_know(tmp_path: Path) -> None:
     done = arduino(tmp_path / "sketch", "ARDUINO_ARCH_NRF52")
     assert done.returncode != 0

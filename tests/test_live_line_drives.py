@@ -167,10 +167,8 @@ def test_a_run_follows_its_reference_and_lets_go_at_its_end(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MAKERS)
-def test_a_drive_that_stops_answering_ends_the_run_without_torque(name: str, monkeypatch: Any) -> None:
-    monkeypatch.setattr(line_drives, "ANSWER_TIME", 1e-4)
+def test_a_drive_that_stops_answering_ends_the_run_without_torque(name: str) -> None:
     lines, device, session = session_on(name)
-    device._ask.__func__.__defaults__ = (1e-4,)
 
     def silence(_: object) -> None:
         lines.silent = device.machine.state is State.RUNNING

@@ -14,7 +14,12 @@ from swingid.system import write_whole
 
 def firmware(
     board: Annotated[str, typer.Argument(metavar="BOARD", help="nucleo: the reference board, Nucleo-F446RE.")],
-    out: Annotated[str, typer.Option(metavar="FILE.bin", help="Write the image there, or onto the board's drive.")],
+    out: Annotated[
+        str,
+        typer.Option(
+            metavar="FILE.bin", help="Write the image there, on this computer; then copy it onto the board's drive."
+        ),
+    ],
 ) -> None:
     """Write the firmware of a board, which the package ships; no compiler is needed."""
     from swingid.live.firmware import image

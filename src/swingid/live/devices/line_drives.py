@@ -21,7 +21,7 @@ from abc import abstractmethod
 from typing import Any
 
 from swingid.errors import DeviceError, UsageError
-from swingid.live.devices.host_loop import ANSWER_TIME, MOST_RATE, HostLoop, wrapped
+from swingid.live.devices.host_loop import ANSWER_TIME, COUNTS, MOST_RATE, HostLoop, wrapped
 from swingid.live.devices.stream import Address, Stream, split_address
 from swingid.live.guard import Board, Readings
 from swingid.live.machine import VERSION
@@ -185,8 +185,6 @@ def _port(parts: Address, usual: int) -> Stream:
 
 def _board(parts: Address) -> Board:
     """The device of an address; UsageError for a rate or limit that none has."""
-    from swingid.live.devices.host_loop import COUNTS
-
     rate, limit = parts.number("rate", 200.0), parts.number("limit", 10.0)
     if not 20.0 <= rate <= MOST_RATE or not 0.0 < limit < 1000.0:
         text = f"{parts.text!r}: rate must be 20 to {MOST_RATE:g} per second, limit above 0 V and below 1000 V"

@@ -16,9 +16,7 @@ def firmware(
     board: Annotated[str, typer.Argument(metavar="BOARD", help="nucleo: the reference board, Nucleo-F446RE.")],
     out: Annotated[
         str,
-        typer.Option(
-            metavar="FILE.bin", help="Write the image there, on this computer; then copy it onto the board's drive."
-        ),
+        typer.Option(metavar="FILE.bin", help="File on this computer; copy it onto the board's drive."),
     ],
 ) -> None:
     """Write the firmware of a board, which the package ships; no compiler is needed."""

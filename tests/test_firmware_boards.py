@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.util
 import itertools
 import re
 import shutil
-import struct
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from firmware_build import CORE, FIRMWARE, FLAGS, compiler, folder, library
+from firmware_build import CORE, FIRMWARE, FLAGS, compiler, library
 
 ENCODERS = FIRMWARE / "hal" / "encoders"
 
@@ -119,38 +116,17 @@ def test_the_arduino_sketch_has_a_watchdog_that_samples_alone_feed(board: str, t
         assert said[interrupted + 1 :] == [f"level {PWM} 0", f"level {DIRECTION} 0", f"plain {PWM}"]
 
 
+def test_the_arduino_sketch_sends_where_the_core_never_tells_its_room(tmp_path: Path) -> None:
+    done = arduino(tmp_path / "sketch", BOARDS[0], "ROOM=0")
+    assert done.returncode == 0, done.stderr
+    said = subprocess.run([str(tmp_path / "sketch")], capture_output=True, text=True, check=True).stdout.splitlines()
+    assert "sent" not in said  # the board counts what is not 64 bytes
+
+
 def test_the_arduino_sketch_refuses_a_board_whose_watchdog_it_does_not_know(tmp_path: Path) -> None:
     done = arduino(tmp_path / "sketch", "ARDUINO_ARCH_NRF52")
     assert done.returncode != 0
     assert "No watchdog is known of this board" in done.stderr
-
-
-STM32 = {
-    "ziglang": [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4"],
-    "arm-none-eabi-gcc": ["arm-none-eabi-gcc", "-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"],
-}
-STM32["arm-none-eabi-gcc"] += ["-nostartfiles", "--specs=nano.specs", "--specs=nosys.specs"]
-
-
-@pytest.mark.parametrize("name", STM32)
-def test_the_stm32_image_links_with_its_vectors_first(name: str) -> None:
-    if importlib.util.find_spec(name) is None and shutil.which(name) is None:
-        pytest.skip(f"{name} is not installed: pip install 'swingid[cortex]', or apt-get install gcc-arm-none-eabi")
-    here, target = FIRMWARE / "hal" / "stm32", folder() / f"stm32-{name}.elf"
-    sources = [*map(str, sorted(CORE.glob("*.c"))), str(here / "main.c")]
-    command = [*STM32[name], "-ffreestanding", *FLAGS, f"-I{CORE}", f"-I{ENCODERS}", *sources]
-    done = subprocess.run([*command, "-T", str(here / "memory.ld"), "-o", str(target)], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    elf = target.read_bytes()
-    first, count = struct.unpack_from("<I", elf, 28)[0], struct.unpack_from("<H", elf, 44)[0]
-    loaded = [struct.unpack_from("<5I", elf, first + 32 * i) for i in range(count)]
-    flash = min((part for part in loaded if part[0] == 1 and part[4]), key=lambda part: part[2])
-    assert flash[2] == 0x0800_0000
-    stack, reset = struct.unpack_from("<2I", elf, flash[1])
-    assert stack == 0x2002_0000
-    assert 0x0800_0000 < reset < 0x0801_0000
-    assert reset % 2 == 1  # Thumb
-    assert sum(part[4] for part in loaded if part[0] == 1) < 64 * 1024
 
 
 def test_the_makefile_builds_the_process(tmp_path: Path) -> None:

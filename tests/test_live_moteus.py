@@ -16,7 +16,8 @@ from swingid.control.references.parse import parse_reference
 from swingid.errors import DeviceError, UsageError
 from swingid.live.codes import FaultCode, State
 from swingid.live.commission import commission
-from swingid.live.devices.moteus_drive import COUNTS, MoteusDevice
+from swingid.live.devices.host_loop import COUNTS
+from swingid.live.devices.moteus_drive import MoteusDevice
 from swingid.live.devices.table import open_device
 from swingid.live.guard import Board, Limits, parameters_of
 from swingid.live.plant import Plant

@@ -8,7 +8,7 @@
 
 #define COUNT_OF(array) ((int)(sizeof(array) / sizeof((array)[0])))
 
-static int energised(const swingid_device *device) {
+int swingid_armed(const swingid_device *device) {
     return device->state == ARMED || device->state == RUNNING || device->state == STOPPING;
 }
 
@@ -32,6 +32,12 @@ static void answer(swingid_device *device, uint16_t message, uint8_t status, uin
     frame.value = value;
     swingid_pack_ack(payload, &frame);
     send(device, SWINGID_ACK, payload, SWINGID_ACK_LENGTH);
+}
+
+/* Parameters of a controller of the highest order: so a host knows before a run what the board cannot do. */
+static uint16_t parameter_room(const swingid_device *device) {
+    const int unused = 2 * (SWINGID_MOST_ORDER - device->config.most_order);
+    return (uint16_t)(SWINGID_MOST_PARAMETERS - unused);
 }
 
 int swingid_most_taken(const swingid_config *config) {
@@ -94,7 +100,7 @@ static void on_who(swingid_device *device) {
     frame.axis_counts = device->config.axis_counts;
     frame.wheel_counts = device->config.wheel_counts;
     frame.voltage_limit = device->config.voltage_limit;
-    frame.parameter_room = SWINGID_MOST_PARAMETERS;
+    frame.parameter_room = parameter_room(device);
     frame.reference_room = SWINGID_REFERENCE_ROOM;
     swingid_pack_hello(payload, &frame);
     send(device, SWINGID_HELLO, payload, SWINGID_HELLO_LENGTH);
@@ -132,7 +138,7 @@ static void on_clear(swingid_device *device) {
 
 static uint8_t take_parameters(swingid_device *device, const swingid_parameters *frame) {
     if (device->state != IDLE) return SWINGID_STATUS_WRONG_STATE;
-    if (frame->count < 1 || frame->count > COUNT_OF(frame->value) || frame->total > SWINGID_MOST_PARAMETERS ||
+    if (frame->count < 1 || frame->count > COUNT_OF(frame->value) || frame->total > parameter_room(device) ||
         frame->index + frame->count > frame->total) {
         return SWINGID_STATUS_BAD_VALUE;
     }
@@ -370,14 +376,14 @@ float swingid_tick(swingid_device *device, const swingid_inputs *inputs) {
     swingid_guard_track(&device->guard, inputs, device->busy);
     if (!inputs->valid) device->flags |= SWINGID_FLAG_INVALID;
     if (device->guard.late) device->flags |= SWINGID_FLAG_LATE;
-    if (energised(device)) {
+    if (swingid_armed(device)) {
         const int fault =
             swingid_guard_check(&device->guard, inputs, device->parameters, device->voltage, &value);
         if (fault != SWINGID_FAULTCODE_NONE) swingid_trip(device, (uint8_t)fault, value);
     }
     if (device->state == RUNNING || device->state == STOPPING) voltage = command(device);
     device->voltage = (double)(float)voltage;
-    if (energised(device) || device->quiet <= (uint32_t)device->config.rate) send_sample(device, inputs);
+    if (swingid_armed(device) || device->quiet <= (uint32_t)device->config.rate) send_sample(device, inputs);
     if (device->quiet <= (uint32_t)device->config.rate) device->quiet++;
     device->sequence++;
     return (float)device->voltage;

@@ -69,6 +69,9 @@ void swingid_message(swingid_device *device, uint16_t id, const uint8_t *payload
 /* One sample: readings in, the voltage to apply up to the next one out. */
 float swingid_tick(swingid_device *device, const swingid_inputs *inputs);
 
+/* Whether it is armed, runs or stops; else no voltage is applied, and an amplifier may be off. */
+int swingid_armed(const swingid_device *device);
+
 /* Take at most `room` bytes for the host; returns how many. */
 int swingid_output(swingid_device *device, uint8_t *bytes, int room);
 

@@ -45,6 +45,7 @@ typedef struct {
     uint32_t axis_counts, wheel_counts;
     float voltage_limit;
     uint32_t firmware; /* hash of what runs */
+    int most_order;    /* of a controller that it computes between two samples, 0 to SWINGID_MOST_ORDER */
 } swingid_config;
 
 typedef struct {

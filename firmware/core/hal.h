@@ -12,8 +12,9 @@ int hal_wait(void);
 /* Encoders, current and time of this sample. An encoder that gives no reading: its last one, and valid = 0. */
 void hal_read(swingid_inputs *inputs);
 
-/* Hold this voltage from now on. 0 must be safe: the amplifier's brake or free running. */
-void hal_apply(float voltage);
+/* Hold this voltage from now on. 0 must be safe: the amplifier's brake or free running. armed: 0 from the reset until
+ * Arm and after each run, where an amplifier with an enable lets go of the motor. */
+void hal_apply(float voltage, int armed);
 
 /* Take what has come from the host, at most `room` bytes; 0 where there is nothing more. The loop takes up to
  * swingid_most_taken bytes before a sample, however many calls that needs. */

@@ -7,6 +7,7 @@ void swingid_loop(const swingid_config *config) {
     const int most = swingid_most_taken(config);
     int size = 0, sent = 0, count, taken;
     swingid_inputs inputs;
+    float voltage;
     swingid_init(&device, config);
     for (;;) {
         for (taken = 0; taken < most; taken += count) { /* bounded, so that no host keeps it from its samples */
@@ -18,12 +19,13 @@ void swingid_loop(const swingid_config *config) {
         device.busy = taken == most;
         if (!hal_wait()) break;
         hal_read(&inputs);
-        hal_apply(swingid_tick(&device, &inputs)); /* nothing of changing length comes between these two */
+        voltage = swingid_tick(&device, &inputs); /* nothing of changing length comes between reading and applying */
+        hal_apply(voltage, swingid_armed(&device));
         if (sent == size) {
             size = swingid_output(&device, pending, (int)sizeof pending);
             sent = 0;
         }
         if (sent < size) sent += hal_send(pending + sent, size - sent);
     }
-    hal_apply(0.0f);
+    hal_apply(0.0f, 0);
 }

@@ -256,7 +256,7 @@ void hal_read(swingid_inputs *inputs) {
     inputs->valid = valid_for > 0 || draw(4) > 0;
 }
 
-void hal_apply(float voltage) {
+void hal_apply(float voltage, int armed) {
     const double *p = device.parameters;
     const int may = device.state == SWINGID_STATE_RUNNING || device.state == SWINGID_STATE_STOPPING;
     const uint32_t age = now - times[heartbeat % REMEMBERED];
@@ -269,6 +269,7 @@ void hal_apply(float voltage) {
     voltages[samples % REMEMBERED] = voltage;
     if (voltage - voltage != 0.0f) broken("no number");
     if (voltage != 0.0f && !may) broken("a voltage outside a run");
+    if (armed != (may || device.state == SWINGID_STATE_ARMED)) broken("the amplifier is enabled wrongly");
     if (voltage > (float)p[SWINGID_VOLTAGE_LIMIT] || -voltage > (float)p[SWINGID_VOLTAGE_LIMIT]) broken("limit");
     if (voltage != 0.0f && (samples - heartbeat >= REMEMBERED || age >= SWINGID_HEARTBEAT_TIME)) {
         broken("100 ms without a heartbeat");
@@ -325,7 +326,7 @@ int main(int count, char **arguments) {
     random_state = 0x9E3779B97F4A7C15u ^ strtoull(arguments[1], NULL, 10) << 20;
     wanted_samples = strtoul(arguments[3], NULL, 10);
     for (; runs < strtoul(arguments[2], NULL, 10); runs++) {
-        const swingid_config one = {rates[draw(8)], 16384, 16384, 10.0f, 1};
+        const swingid_config one = {rates[draw(8)], 16384, 16384, 10.0f, 1, SWINGID_MOST_ORDER};
         board = one;
         samples = in = out = empty_at = born = heartbeat = driven = flooded = flooded_driven = tripped = 0;
         takes_since = 0;

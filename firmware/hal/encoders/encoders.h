@@ -14,17 +14,30 @@ static inline int32_t swingid_extend(int32_t total, uint32_t raw, int bits) {
 /* AS5048A (14 bits, SPI mode 1, 10 MHz at most): what to send to read the angle; the answer comes with the next frame.
  * ams AS5048 data sheet, SPI interface: bit 15 even parity, bit 14 read in a command and error in an answer. */
 #define AS5048A_READ_ANGLE 0xFFFFu
+#define AS5048A_CLEAR_ERROR 0x4001u
+#define AS5048A_READ_DIAGNOSIS 0x7FFDu
+#define AS5048A_ERROR 0x4000u /* in an answer; stays until AS5048A_CLEAR_ERROR */
 #define AS5048A_BITS 14
 
-/* The angle in an answer; 0 where its parity is wrong or the sensor reports an error. */
-static inline int as5048a_angle(uint16_t answer, uint16_t *angle) {
+static inline int as5048a_parity(uint16_t answer) {
     unsigned ones = answer;
     ones ^= ones >> 8;
     ones ^= ones >> 4;
     ones ^= ones >> 2;
     ones ^= ones >> 1;
+    return (ones & 1u) == 0;
+}
+
+/* The angle in an answer; 0 where its parity is wrong or the sensor reports an error. */
+static inline int as5048a_angle(uint16_t answer, uint16_t *angle) {
     *angle = answer & 0x3FFFu;
-    return (ones & 1u) == 0 && (answer & 0x4000u) == 0;
+    return as5048a_parity(answer) && (answer & AS5048A_ERROR) == 0;
+}
+
+/* Whether a diagnosis lets the angle be used: the sensor's offsets are compensated (bit 8, so no answer of all zeros
+ * is one), its CORDIC is in range (9), the magnet neither too strong (10) nor too weak (11). */
+static inline int as5048a_healthy(uint16_t answer) {
+    return as5048a_parity(answer) && (answer & (AS5048A_ERROR | 0x0F00u)) == 0x0100u;
 }
 
 /* AMT103 and other encoders with two tracks: counts (-1, 0, 1) from the last states of A and B (bit 1, bit 0) to these,

@@ -150,7 +150,8 @@ void hal_read(swingid_inputs *inputs) {
     inputs->valid = u32_at(told + 16) != 0;
 }
 
-void hal_apply(float voltage) {
+void hal_apply(float voltage, int armed) {
+    (void)armed;
     applied.number = voltage;
     answered = 0;
 }
@@ -175,7 +176,7 @@ static void uart(uint32_t base) {
 }
 
 void reset(void) {
-    static const swingid_config config = {(float)RATE, AXIS_COUNTS, WHEEL_COUNTS, (float)VOLTAGE_LIMIT, FIRMWARE};
+    static const swingid_config config = {(float)RATE, AXIS_COUNTS, WHEEL_COUNTS, (float)VOLTAGE_LIMIT, FIRMWARE, SWINGID_MOST_ORDER};
     uint32_t *from = &data_load;
     for (uint32_t *to = &data_start; to < &data_end;) *to++ = *from++;
     for (uint32_t *to = &bss_start; to < &bss_end;) *to++ = 0;

@@ -14,6 +14,7 @@ void sim_open(float rate, uint32_t axis_counts, uint32_t wheel_counts, float vol
     config.wheel_counts = wheel_counts;
     config.voltage_limit = voltage_limit;
     config.firmware = firmware;
+    config.most_order = SWINGID_MOST_ORDER;
     swingid_init(&device, &config);
 }
 

@@ -34,6 +34,9 @@ def commission(
     clear: Annotated[
         bool, typer.Option("--clear", help="Clear a fault of an earlier run, after a look at the rig.")
     ] = False,
+    encoders_only: Annotated[
+        bool, typer.Option("--encoders-only", help="First of all, motor off: turn body and wheel by hand for 20 s.")
+    ] = False,
     json: Json = None,
 ) -> None:
     """Find zero, noise, signs, delay and counts of a live rig, hanging still and by tiny pulses; write its rig.toml."""
@@ -56,6 +59,12 @@ def commission(
         if clear:
             session.connect()
             session.clear()
+        if encoders_only:
+            from swingid.live.firmware_encoders import by_hand
+
+            for one in by_hand(session, progress=output.tell):
+                output.tell(f"{one.name}: seen over {one.range:.0f} deg, every sample with a reading")
+            return
         found = found_on(session, stated, progress=lambda line: output.tell(line, to_error=True))
     values = found.values(stated, address)
     if json is not None:

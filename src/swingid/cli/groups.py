@@ -16,6 +16,7 @@ from swingid.cli.doctor import doctor
 from swingid.cli.emulate import emulate
 from swingid.cli.exchange import export, schema
 from swingid.cli.experiments import design, rehearse, reproduce
+from swingid.cli.firmware import firmware
 from swingid.cli.identify import identify
 from swingid.cli.live import recover, run
 from swingid.cli.logs import convert, datasets, init, inspect
@@ -44,6 +45,7 @@ GROUPS: dict[str, list[tuple[Command, str]]] = {
         (datasets, "Public logs of other laboratories"),
     ],
     "You have a rig": [
+        (firmware, "The image of a board, to be flashed"),
         (commission, "Find zero, signs, noise and counts before the first run"),
         (run, "Run an experiment, record it and identify it"),
         (stop, "Stop the run that goes on"),

@@ -24,6 +24,7 @@ import numpy as np
 
 from swingid.errors import DeviceError, InputError, UsageError
 from swingid.format import plus_minus
+from swingid.live.firmware import named
 from swingid.live.guard import Board, Limits
 from swingid.live.pace import alone
 from swingid.live.pulses import PULSE, Pulses, guard_trips, moving
@@ -82,7 +83,9 @@ class Commissioning:
     def lines(self) -> list[str]:
         """What was found, for people."""
         board = self.board
-        where = f"{board.rate:g} samples per second, {board.voltage_limit:g} V at most, firmware {board.firmware:08x}"
+        where = (
+            f"{board.rate:g} samples per second, {board.voltage_limit:g} V at most, firmware {named(board.firmware)}"
+        )
         said = [where]
         for name, channel in (("axis", self.axis), ("wheel", self.wheel)):
             noise = f"noise {channel.noise / channel.step:.2g} counts" if channel.noise else "no noise beside rounding"

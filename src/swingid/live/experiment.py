@@ -20,6 +20,7 @@ import numpy as np
 from swingid.errors import DeviceError, InputError, SwingidError, UsageError
 from swingid.live.codes import StopMode
 from swingid.live.devices.twin import TwinDevice
+from swingid.live.firmware import named
 from swingid.live.guard import Board, Limits, parameters_of
 from swingid.live.journal import Journal, Plan, Recorder, require_new
 from swingid.live.machine import EMULATED
@@ -190,7 +191,7 @@ class Conductor:
     def _run(self, session: Session, journal: Recorder, order: Order, limits: Limits) -> Done:
         name = session.link.name
         board = session.connect()
-        self._say(f"{name}: firmware {board.firmware:08x}, {board.rate:g} samples per second, {_counts(board)}")
+        self._say(f"{name}: firmware {named(board.firmware)}, {board.rate:g} samples per second, {_counts(board)}")
         require_same_rig(self.rig, board, name)
         require_rows(order, board.rate)
         if order.clear:

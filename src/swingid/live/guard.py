@@ -49,7 +49,7 @@ class Readings(NamedTuple):
 @dataclass(frozen=True)
 class Board:
     """A device before anybody has talked to it: samples per second (20 or more), counts per turn of both encoders, what
-    its amplifier gives at most (V), hash of its firmware.
+    its amplifier gives at most (V), hash of its firmware, highest order of a controller that it computes in a sample.
     """
 
     rate: float = 1000.0
@@ -57,6 +57,12 @@ class Board:
     wheel_counts: int = 16384
     voltage_limit: float = 10.0
     firmware: int = 0
+    most_order: int = MOST_ORDER
+
+    @property
+    def parameter_room(self) -> int:
+        """Parameters of guard and controller that it takes."""
+        return MOST_PARAMETERS - 2 * (MOST_ORDER - self.most_order)
 
 
 @dataclass(frozen=True)

@@ -177,7 +177,7 @@ class Machine:
             axis_counts=board.axis_counts,
             wheel_counts=board.wheel_counts,
             voltage_limit=board.voltage_limit,
-            parameter_room=at.MOST_PARAMETERS,
+            parameter_room=board.parameter_room,
             reference_room=REFERENCE_ROOM,
         )
 
@@ -210,7 +210,7 @@ class Machine:
         if self.state is not State.IDLE:
             return Status.WRONG_STATE
         index, count, total = frame.index, frame.count, frame.total
-        if not 1 <= count <= len(frame.value) or total > at.MOST_PARAMETERS or index + count > total:
+        if not 1 <= count <= len(frame.value) or total > self.board.parameter_room or index + count > total:
             return Status.BAD_VALUE
         if index == 0:
             self._known, self._total, self._check = [], total, checksum(b"")

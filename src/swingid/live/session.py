@@ -158,8 +158,12 @@ class Session:
         values = np.asarray(parameters, float)
         total, sent = len(values), 0
         if self.hello is not None and total > self.hello.parameter_room:
-            text = f"{self.link.name} has room for {self.hello.parameter_room} parameters, and this controller has "
-            raise DeviceError(f"{text}{total}; correct its firmware", code="bad-hello")
+            order, most = ((n - LEAST_PARAMETERS) // 2 for n in (total, self.hello.parameter_room))
+            text = (
+                f"the controller is of order {order}, and {self.link.name} computes order {most} at most in a sample "
+            )
+            text += f"({total} parameters, room for {self.hello.parameter_room}); choose one of lower relative degree"
+            raise DeviceError(text, code="order-too-high")
         # a device that had some already starts again at index 0
         deadline = self.link.clock() + PATIENCE + 0.05 * total
         while sent < total:

@@ -190,6 +190,9 @@ def log_rows(log: Recording, result: Result) -> list[Row]:
         rows.append(Row("voltage" if log.voltage is not None else "drive", "", held))
     if log.metadata.get("made_by"):
         rows.append(Row("made by", "", str(log.metadata["made_by"])))
+    run = log.metadata.get("run")
+    if isinstance(run, dict) and run.get("firmware"):
+        rows.append(Row("device", "", f"{run.get('device', '')}, firmware {run['firmware']}"))
     truth = truth_row(result, log)
     return [*rows, truth] if truth else rows
 

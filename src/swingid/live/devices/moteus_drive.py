@@ -18,39 +18,21 @@ from collections.abc import Callable
 from typing import Any
 
 from swingid.errors import DeviceError, UsageError
-from swingid.live.codes import State
 from swingid.live.devices.can_bus import join_bus
+from swingid.live.devices.host_loop import ANSWER_TIME, COUNTS, MOST_RATE, HostLoop, wrapped
 from swingid.live.devices.stream import closed_error, gone, split_address
 from swingid.live.guard import Board, Readings
-from swingid.live.machine import VERSION, Machine
+from swingid.live.machine import VERSION
 from swingid.live.schema import missing_extra
 
-COUNTS = 100_000
-"""Counts per turn of the drive's 32 bit positions."""
-
-MOST_RATE, ANSWER_TIME, WATCHDOG, SILENT = 500.0, 0.003, 0.1, 1.0
-"""Samples per second at most; seconds: for an answer, of the drive's watchdog, until a silent drive is gone."""
+WATCHDOG = 0.1
+"""Seconds of the drive's watchdog."""
 
 FAULT_MODE = 1
 
 
-class Steady:
-    """The host's own time (s)."""
-
-    def now(self) -> float:
-        """Seconds since some moment."""
-        return time.monotonic()
-
-    def wait(self, seconds: float) -> None:
-        """Let so much time pass."""
-        if seconds > 0.0:
-            time.sleep(seconds)
-
-
-class MoteusDevice:
+class MoteusDevice(HostLoop):
     """A drive as a device. bus: of python-can; drive: number of the moteus; steady: another clock, for tests."""
-
-    virtual = False
 
     def __init__(
         self,
@@ -65,79 +47,34 @@ class MoteusDevice:
     ) -> None:
         import moteus
 
-        self.address, self.board, self.machine = address, board, Machine(board)
+        super().__init__(address, board, steady=steady)
         self._bus: Any = bus
         self._drive, self._gain = drive, nm_per_volt
-        self._steady = steady or Steady()
         self._registers = moteus.Register
         self._axis_register = {1: moteus.Register.ENCODER_1_POSITION, 2: moteus.Register.ENCODER_2_POSITION}[encoder]
         self._moteus = moteus.Controller(id=drive, query_resolution=_asked(moteus, self._axis_register))
         self._parse: Callable[[bytes], Any] = moteus.parse_registers
-        self._pending = b""
-        self._last = Readings(0, 0)
         self._turn: float | None = None
-        self._begin = self._due = self._heard = self._steady.now()
 
-    def write(self, data: bytes) -> None:
-        """Bytes from the host."""
-        self._open()
-        self.machine.receive(data)
-        self._pending += self.machine.output()
-
-    def read(self, timeout: float = 0.0) -> bytes:
-        """Make the samples that are due, the first of them within `timeout` (s); DeviceError where the drive goes."""
-        self._open()
-        until = self._steady.now() + max(timeout, 0.0)
-        while True:
-            now = self._steady.now()
-            if self._due <= now:
-                self._sample()
-                self._due += 1.0 / self.board.rate
-                behind = self._steady.now() - self._due
-                if behind > 0.0:  # late samples are not made up for: the guard sees the gap
-                    self._due += math.ceil(behind * self.board.rate) / self.board.rate
-            elif self._pending or now >= until:
-                break
-            else:
-                self._steady.wait(min(self._due, until) - now)
-        data, self._pending = self._pending, b""
-        return data
-
-    def close(self) -> None:
-        """Stop the motor and leave the bus."""
-        if self._bus is None:
+    def _drive_by(self, voltage: float | None) -> None:
+        """The torque of this sample; None: stop."""
+        if voltage is None:
+            self._send(self._moteus.make_stop())
             return
-        try:
-            self._send(self._moteus.make_stop())
-        except DeviceError:
-            pass
-        finally:
-            bus, self._bus = self._bus, None
-            bus.shutdown()
-
-    def _sample(self) -> None:
-        """One sample: readings, the machine, the torque."""
-        readings = self._read()
-        now = self._steady.now()
-        if readings.valid:
-            self._heard = now
-        elif now - self._heard > SILENT:
-            raise gone(self.address, "the drive does not answer")
-        voltage = self.machine.tick(round((now - self._begin) * 1e6) % 2**32, readings)
-        self._pending += self.machine.output()
-        if self.machine.state in (State.RUNNING, State.STOPPING):
-            self._send(
-                self._moteus.make_position(
-                    position=math.nan,
-                    kp_scale=0.0,
-                    kd_scale=0.0,
-                    ilimit_scale=0.0,
-                    feedforward_torque=self._gain * voltage,
-                    watchdog_timeout=WATCHDOG,
-                )
+        self._send(
+            self._moteus.make_position(
+                position=math.nan,
+                kp_scale=0.0,
+                kd_scale=0.0,
+                ilimit_scale=0.0,
+                feedforward_torque=self._gain * voltage,
+                watchdog_timeout=WATCHDOG,
             )
-        else:
-            self._send(self._moteus.make_stop())
+        )
+
+    def _leave(self) -> None:
+        bus, self._bus = self._bus, None
+        bus.shutdown()
 
     def _read(self) -> Readings:
         """The drive's answer as counts; without one in time, whatever else is on the bus, the last ones, not valid.
@@ -176,7 +113,7 @@ class MoteusDevice:
         turns = now if before is None else before + math.remainder(now - before, 1.0)
         self._turn = turns
         current = values.get(registers.Q_CURRENT, math.nan)
-        self._last = Readings(_wrapped(turns), _wrapped(position), current)
+        self._last = Readings(wrapped(turns), wrapped(position), current)
         return self._last
 
     def _send(self, command: Any) -> None:
@@ -217,10 +154,6 @@ def _asked(moteus: Any, axis: int) -> Any:
     asked.velocity = asked.torque = asked.voltage = asked.temperature = moteus.IGNORE
     asked._extra = {axis: moteus.INT32}
     return asked
-
-
-def _wrapped(turns: float) -> int:
-    return (round(turns * COUNTS) + 2**31) % 2**32 - 2**31
 
 
 def open_moteus(address: str) -> MoteusDevice:

@@ -41,6 +41,18 @@ def _moteus(address: str) -> Stream:
     return open_moteus(address)
 
 
+def _odrive(address: str) -> Stream:
+    from swingid.live.devices.line_drives import open_odrive
+
+    return open_odrive(address)
+
+
+def _simplefoc(address: str) -> Stream:
+    from swingid.live.devices.line_drives import open_simplefoc
+
+    return open_simplefoc(address)
+
+
 def _csv(address: str) -> Stream:
     from swingid.live.devices.columns import open_columns
 
@@ -58,6 +70,8 @@ SCHEMES: dict[str, Callable[[str], Stream]] = {
     "serial": _serial,
     "tcp": _tcp,
     "moteus": _moteus,
+    "odrive": _odrive,
+    "simplefoc": _simplefoc,
     "csv": _csv,
     "can": _can,
 }

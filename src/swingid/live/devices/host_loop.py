@@ -1,0 +1,121 @@
+"""What drives have in common whose loop runs in the host: the machine of a device, its samples and its time.
+
+Samples are made while the host reads, `MOST_RATE` a second at most; one that comes later than 1.5 periods is a fault
+(overrun). What cuts the torque when the host dies must be in the drive: a watchdog of 100 ms.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import ABC, abstractmethod
+from contextlib import suppress
+from typing import Any
+
+from swingid.errors import DeviceError
+from swingid.live.codes import State
+from swingid.live.devices.stream import closed_error, gone
+from swingid.live.guard import Board, Readings
+from swingid.live.machine import Machine
+
+COUNTS = 100_000
+"""Counts per turn into which the positions of such drives, which are turns or angles, are made."""
+
+MOST_RATE, ANSWER_TIME, SILENT = 500.0, 0.003, 1.0
+"""Samples per second at most; seconds: for an answer, until a silent drive is gone."""
+
+
+class Steady:
+    """The host's own time (s)."""
+
+    def now(self) -> float:
+        """Seconds since some moment."""
+        return time.monotonic()
+
+    def wait(self, seconds: float) -> None:
+        """Let so much time pass."""
+        if seconds > 0.0:
+            time.sleep(seconds)
+
+
+class HostLoop(ABC):
+    """A drive as a device: `_read`, `_drive_by` and `_leave` are its own. steady: another clock, for tests."""
+
+    virtual = False
+
+    def __init__(self, address: str, board: Board, *, steady: Any = None) -> None:
+        self.address, self.board, self.machine = address, board, Machine(board)
+        self._steady = steady or Steady()
+        self._pending = b""
+        self._last = Readings(0, 0)
+        self._closed = False
+        self._begin = self._due = self._heard = self._steady.now()
+
+    @abstractmethod
+    def _read(self) -> Readings:
+        """Readings of this sample; without an answer in time the last ones, not valid. DeviceError for a fault."""
+
+    @abstractmethod
+    def _drive_by(self, voltage: float | None) -> None:
+        """What the controller's voltage makes the drive do up to the next sample; None: no torque, not enabled."""
+
+    @abstractmethod
+    def _leave(self) -> None:
+        """Give bus or port up."""
+
+    def write(self, data: bytes) -> None:
+        """Bytes from the host."""
+        self._require_open()
+        self.machine.receive(data)
+        self._pending += self.machine.output()
+
+    def read(self, timeout: float = 0.0) -> bytes:
+        """Make the samples that are due, the first of them within `timeout` (s); DeviceError where the drive goes."""
+        self._require_open()
+        until = self._steady.now() + max(timeout, 0.0)
+        while True:
+            now = self._steady.now()
+            if self._due <= now:
+                self._sample()
+                self._due += 1.0 / self.board.rate
+                behind = self._steady.now() - self._due
+                if behind > 0.0:  # late samples are not made up for: the guard sees the gap
+                    self._due += math.ceil(behind * self.board.rate) / self.board.rate
+            elif self._pending or now >= until:
+                break
+            else:
+                self._steady.wait(min(self._due, until) - now)
+        data, self._pending = self._pending, b""
+        return data
+
+    def close(self) -> None:
+        """Stop the motor and leave; a second call does nothing."""
+        if self._closed:
+            return
+        try:
+            with suppress(DeviceError):
+                self._drive_by(None)
+        finally:
+            self._closed = True
+            self._leave()
+
+    def _sample(self) -> None:
+        """One sample: readings, the machine, the torque."""
+        readings = self._read()
+        now = self._steady.now()
+        if readings.valid:
+            self._heard = now
+        elif now - self._heard > SILENT:
+            raise gone(self.address, "the drive does not answer")
+        voltage = self.machine.tick(round((now - self._begin) * 1e6) % 2**32, readings)
+        self._pending += self.machine.output()
+        self._drive_by(voltage if self.machine.state in (State.RUNNING, State.STOPPING) else None)
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise closed_error(self.address)
+
+
+def wrapped(turns: float) -> int:
+    """Counts of a position in turns, in 32 bits."""
+    return (round(turns * COUNTS) + 2**31) % 2**32 - 2**31

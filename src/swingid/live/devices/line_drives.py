@@ -1,0 +1,212 @@
+"""``odrive:///dev/ttyACM0?nm_per_volt=X`` and ``simplefoc:///dev/ttyUSB0``: drives that speak lines of ASCII.
+
+The loop runs in the host (`host_loop.py`). A sample is a question for the positions, and a line with the torque.
+
+ODrive (firmware 0.5, ASCII protocol of its documentation): ``f N`` answers position (turns) and speed of axis N, ``c N
+X`` is a torque of X N m and feeds the watchdog, ``r`` and ``w`` read and write properties. The wheel is on the motor
+of `motor`, the axis on the encoder of `axis`.
+
+SimpleFOC (Commander of its documentation): ``M`` is the motor, in torque control by voltage, ``M1.5`` means 1.5 V. The
+Commander knows one sensor and no watchdog, so the sketch adds two commands: ``A`` prints the angles (rad) of axis
+and wheel in one line, parted by a comma, and ``W`` the time (ms, 100 at most) after which the sketch disables the motor
+when no line has come.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import zlib
+from abc import abstractmethod
+from typing import Any
+
+from swingid.errors import DeviceError, UsageError
+from swingid.live.devices.host_loop import ANSWER_TIME, COUNTS, MOST_RATE, HostLoop, wrapped
+from swingid.live.devices.stream import Address, Stream, split_address
+from swingid.live.guard import Board, Readings
+from swingid.live.machine import VERSION
+
+WATCHDOG = 0.1
+"""Seconds of the drive's watchdog: as long as the heartbeat of a host may be missing."""
+
+PATIENCE = 0.5
+"""Seconds for an answer outside of a sample."""
+
+CHECKED = 25
+"""Samples between two looks for an error of the drive: ten a second at 250 Hz, each as long as a sample's question."""
+
+IDLE, CLOSED_LOOP, TORQUE, PASSTHROUGH = 1, 8, 1, 1
+"""ODrive's numbers of its states, control mode and input mode."""
+
+EXPIRED = 0x800
+"""ODrive's error of its watchdog."""
+
+
+class LineDrive(HostLoop):
+    """A drive behind a line of ASCII. port: a stream of bytes; the drive is set up, not enabled, by `_begin_with`."""
+
+    def __init__(self, port: Stream, address: str, board: Board, *, steady: Any = None) -> None:
+        super().__init__(address, board, steady=steady)
+        self._port, self._rest, self._enabled = port, b"", False
+
+    def _tell(self, *lines: str) -> None:
+        self._port.write("".join(f"{line}\n" for line in lines).encode("ascii"))
+
+    def _ask(self, line: str, patience: float = ANSWER_TIME) -> str | None:
+        """The line that answers; None without one in time. What came before is none of it."""
+        while self._port.read(0.0):
+            pass
+        self._rest = b""
+        self._tell(line)
+        until = time.monotonic() + patience
+        while (left := until - time.monotonic()) > 0.0:
+            self._rest += self._port.read(left)
+            answer, ended, _ = self._rest.partition(b"\n")
+            if ended:
+                return answer.decode("ascii", "replace").strip()
+        return None
+
+    def _numbers(self, line: str, count: int) -> list[float] | None:
+        """The numbers of an answer, parted by spaces, tabs or commas; None where they are not so many."""
+        try:
+            found = [float(word) for word in (self._ask(line) or "").replace(",", " ").split()]
+        except ValueError:
+            return None
+        return found if len(found) == count and all(map(math.isfinite, found)) else None
+
+    def _now_at(self, axis: float | None, wheel: float | None) -> Readings:
+        """Readings of two positions in turns."""
+        if axis is None or wheel is None:
+            return self._last._replace(valid=False)
+        self._last = Readings(wrapped(axis), wrapped(wheel))
+        return self._last
+
+    def _drive_by(self, voltage: float | None) -> None:
+        enable = voltage is not None
+        if enable != self._enabled:
+            self._tell(*self._switch(enable))
+            self._enabled = enable
+        if voltage is not None:
+            self._tell(self._torque(voltage))
+
+    def _leave(self) -> None:
+        self._tell(*self._switch(False))
+        self._port.close()
+
+    @abstractmethod
+    def _switch(self, on: bool) -> tuple[str, ...]:
+        """Lines that enable the motor, or let go of it."""
+
+    @abstractmethod
+    def _torque(self, voltage: float) -> str:
+        """The line of a voltage."""
+
+
+class ODrive(LineDrive):
+    """An ODrive; motor and axis: numbers of its two sides."""
+
+    def __init__(
+        self, port: Stream, address: str, board: Board, *, nm_per_volt: float, motor: int, axis: int, steady: Any = None
+    ) -> None:
+        super().__init__(port, address, board, steady=steady)
+        self._gain, self._motor, self._axis, self._looked = nm_per_volt, motor, axis, 0
+        side = f"axis{motor}"
+        self._tell(
+            f"w {side}.requested_state {IDLE}",
+            f"w {side}.controller.config.control_mode {TORQUE}",
+            f"w {side}.controller.config.input_mode {PASSTHROUGH}",
+            f"w {side}.config.watchdog_timeout {WATCHDOG:g}",
+            f"w {side}.config.enable_watchdog 1",
+        )
+        said = self._ask(f"r {side}.config.watchdog_timeout", PATIENCE)
+        try:
+            set_to = float(said or "nan")
+        except ValueError:
+            set_to = math.nan
+        if not 0.0 < set_to <= WATCHDOG * 1.001:
+            text = (
+                f"{address}: the drive answers {said!r} to its watchdog, without which a dead host leaves the torque "
+            )
+            raise DeviceError(f"{text}on; look after port and firmware (0.5)", code="no-watchdog")
+
+    def _read(self) -> Readings:
+        self._looked += 1
+        if self._enabled and self._looked % CHECKED == 0:
+            self._require_sound()
+        axis, wheel = (self._numbers(f"f {side}", 2) for side in (self._axis, self._motor))
+        return self._now_at(axis[0] if axis else None, wheel[0] if wheel else None)
+
+    def _require_sound(self, but: int = 0) -> None:
+        """DeviceError where the drive has an error other than `but`."""
+        found = self._numbers(f"r axis{self._motor}.error", 1)
+        error = int(found[0]) if found is not None else 0
+        if error not in (0, but):
+            text = f"{self.address}: the drive has error {error:#x} (dump_errors in odrivetool says which); remove the "
+            raise DeviceError(text + "cause, then start again", code="drive-fault")
+
+    def _switch(self, on: bool) -> tuple[str, ...]:
+        if on:
+            self._require_sound(but=EXPIRED)  # that of a drive which waited for its host
+        feed = (f"u {self._motor}", f"w axis{self._motor}.error 0") if on else (self._torque(0.0),)
+        return *feed, f"w axis{self._motor}.requested_state {CLOSED_LOOP if on else IDLE}"
+
+    def _torque(self, voltage: float) -> str:
+        return f"c {self._motor} {self._gain * voltage:.6f}"
+
+
+class SimpleFoc(LineDrive):
+    """A board with SimpleFOC's Commander and the two commands of the module's text."""
+
+    def __init__(self, port: Stream, address: str, board: Board, *, steady: Any = None) -> None:
+        super().__init__(port, address, board, steady=steady)
+        self._tell("@0", "ME0", "MC0", "MT0", "M0")
+        said = self._ask("W", PATIENCE)
+        if said is None or not said.isdecimal() or not 0 < int(said) <= round(1000 * WATCHDOG):
+            text = f"{address}: the sketch answers {said!r} to W, which must be the ms of its watchdog, 100 at most"
+            raise DeviceError(f"{text}; docs/live.md has its two commands", code="no-watchdog")
+
+    def _read(self) -> Readings:
+        angles = self._numbers("A", 2)
+        axis, wheel = (angle / (2 * math.pi) for angle in angles) if angles else (None, None)
+        return self._now_at(axis, wheel)
+
+    def _switch(self, on: bool) -> tuple[str, ...]:
+        return ("M0", "ME1") if on else ("M0", "ME0")
+
+    def _torque(self, voltage: float) -> str:
+        return f"M{voltage:.4f}"
+
+
+def _port(parts: Address, usual: int) -> Stream:
+    from swingid.live.devices.serial_port import open_serial
+
+    return open_serial(f"serial://{parts.target}?baud={parts.whole('baud', usual)}")
+
+
+def _board(parts: Address) -> Board:
+    """The device of an address; UsageError for a rate or limit that none has."""
+    rate, limit = parts.number("rate", 200.0), parts.number("limit", 10.0)
+    if not 20.0 <= rate <= MOST_RATE or not 0.0 < limit < 1000.0:
+        text = f"{parts.text!r}: rate must be 20 to {MOST_RATE:g} per second, limit above 0 V and below 1000 V"
+        raise UsageError(text, code="bad-address")
+    return Board(rate, COUNTS, COUNTS, limit, zlib.crc32(f"swingid {parts.scheme} {VERSION}".encode()))
+
+
+def open_odrive(address: str) -> ODrive:
+    """``odrive://PORT?nm_per_volt=X``; UsageError for a bad address, DeviceError without port or watchdog."""
+    parts = split_address(address)
+    parts.require("baud", "rate", "limit", "nm_per_volt", "motor", "axis")
+    gain, motor, axis = parts.number("nm_per_volt", math.nan), parts.whole("motor", 0), parts.whole("axis", 1)
+    if not math.isfinite(gain) or gain == 0.0 or {motor, axis} != {0, 1}:
+        text = f"{address!r} must be odrive://PORT?nm_per_volt=X, the torque at the motor per volt; motor and axis are "
+        raise UsageError(text + "0 and 1 or 1 and 0, the drive's sides", code="bad-address")
+    board = _board(parts)
+    return ODrive(_port(parts, 115_200), address, board, nm_per_volt=gain, motor=motor, axis=axis)
+
+
+def open_simplefoc(address: str) -> SimpleFoc:
+    """``simplefoc://PORT``; UsageError for a bad address, DeviceError without port or watchdog."""
+    parts = split_address(address)
+    parts.require("baud", "rate", "limit")
+    board = _board(parts)
+    return SimpleFoc(_port(parts, 1_000_000), address, board)

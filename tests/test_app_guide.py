@@ -13,6 +13,9 @@ import pytest
 
 from browser import browser, listen, picture, served
 from swingid import Recording, Rig, identify
+from swingid.app.draft import Draft, mend_of
+from swingid.app.kinds import KINDS, drawing, kind_of_rig
+from swingid.app.look import safe_name
 
 SLOW = 40_000  # ms, with kernels that are compiled
 
@@ -132,19 +135,19 @@ def test_from_a_dropped_file_to_what_is_kept(log, tmp_path):
         assert "bug" not in process.stdout.read()
 
 
-def test_a_warning_is_mended_by_its_button(tmp_path):
-    t, q = released(0.0, 25.0)
-    path, rig = tmp_path / "up.csv", tmp_path / "rig.toml"
-    rows = [f"{a:.3f},{b + 0.1:.6f}" for a, b in zip(t, q, strict=True)]
+def test_what_is_wrong_in_a_rig_file_is_mended_by_a_button(tmp_path):
+    t, q = released(0.0, 20.0)
+    path, rig = tmp_path / "degrees.csv", tmp_path / "rig.toml"
+    rows = [f"{a:.3f},{math.degrees(b):.5f}" for a, b in zip(t, q, strict=True)]
     path.write_text("\n".join(["t,q1", *rows]) + "\n", encoding="utf-8")
     text = 'name = "bench two"\n[axis]\ngravity_torque = "78 ± 0.4 mN*m"\n[drive]\nkind = "none"\n'
-    rig.write_text(text + '[log]\nangle_unit = "deg"\n', encoding="utf-8")
+    rig.write_text(text + "[sensors]\ncounts_per_turn = 16384\n", encoding="utf-8")
     with served("--log", str(path), "--rig", str(rig)) as (address, _), browser() as chromium:
         page = chromium.new_page(viewport={"width": 1400, "height": 900}, color_scheme="dark")
         page.goto(address)
         page.get_by_role("heading", name="bench two").wait_for(timeout=SLOW)  # it begins at the step that is missing
         page.locator("section.now[aria-label='Part']").wait_for(timeout=SLOW)
-        mend = page.get_by_role("button", name=re.compile("Set log.angle_unit = rad"))
+        mend = page.get_by_role("button", name=re.compile("Set log.angle_unit = deg"))
         mend.wait_for(timeout=SLOW)
         picture(page, "guide-mend")
         mend.click()
@@ -154,7 +157,42 @@ def test_a_warning_is_mended_by_its_button(tmp_path):
         page.locator(".swingid-large").wait_for(timeout=SLOW)
         assert shown(page.locator(".swingid-large").inner_text()) == pytest.approx(INERTIA, rel=2e-3)
         page.locator("section[aria-label='What you know'] button").first.click()
-        assert 'angle_unit = "rad"' in page.get_by_label("rig.toml").input_value()
+        assert 'angle_unit = "deg"' in page.get_by_role("textbox", name="rig.toml").input_value()
+
+
+def test_a_warning_proposes_what_its_sentence_names():
+    draft = Draft(base=Rig.load("paper").text)
+    assert mend_of("x", "the signs differ; set wheel_angle_sign = -1 under [log]", draft) == {
+        "log.wheel_angle_sign": -1
+    }
+    late = 'corrected; state sensors.wheel.latency = "0.3 ± 0.1 ms", or calibrate the encoders.'
+    assert mend_of("x", late, draft) == {"sensors.wheel.latency": "0.3 ± 0.1 ms"}
+    either = "set log.wheel_angle_sign = -1 or log.angle_sign = -1"  # of two ways the first
+    assert mend_of("x", either, draft) == {"log.wheel_angle_sign": -1}
+    assert mend_of("x", f"set log.angle = {json.dumps(Rig.load('paper').log.angle)}", draft) == {}  # as it is
+    assert mend_of("x", "set log.nonsense = 3", draft) == {}
+    assert mend_of("gravity-torque-disagrees", "no value", draft) == {"axis.gravity_torque": "unknown"}
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_each_kind_of_rig_gives_a_rig_file_whichever_way_its_questions_are_answered(kind):
+    columns = {"time": "t", "angle": "q", "wheel_angle": "w", "voltage": "u", "torque": "tau"}
+    draft = Draft(columns=columns, units={"angle": "m" if kind.linear else "deg"}, kind=kind.name)
+    assert kind.missing(columns) == ()
+    for question in kind.questions:
+        for number, way in enumerate(question.ways):
+            texts = {one.key: one.example or next(iter(one.options)) for one in way.fields}
+            draft.answers[question.name] = (number, texts)
+            assert draft.trouble() == ("", ""), (question.name, way.words)
+    assert kind_of_rig(draft.rig(filled=True)) in (kind.name, "flywheel")
+    assert drawing(*kind.picture).count("<svg") == 2
+
+
+def test_names_of_dropped_files_are_no_paths():
+    assert safe_name("../../etc/pass wd.csv", ()) == "pass wd.csv"
+    assert safe_name("C:\\x\\run.csv", {"run.csv": 1}) == "run (2).csv"
+    assert safe_name("..", ()) == "log"
+    assert safe_name("a\x1b[31m\n.csv", ()) == "a__31m_.csv"
 
 
 def choose(page, label: str, option: str) -> None:

@@ -190,7 +190,7 @@ def number_of(found: Mapping[str, Any], *, linear: bool) -> None:
     with ui.column().classes("gap-0 w-full").props('role="group" aria-label="answer"'):
         words = parameter_word(name, linear=linear).words
         ui.label(words[:1].upper() + words[1:]).classes("swingid-quiet")
-        ui.label(plus_minus(value, u, "", fine=True)).classes("swingid-large")
+        ui.label(plus_minus(value, u, "", fine=True).replace("\N{NO-BREAK SPACE}", " ")).classes("swingid-large")
         known = "" if u is None else f"(95 %, ± {percent(u / abs(value))}" if value else "(95 %"
         more_words = f", k = {factor:.2f})" if factor and known else ")" if known else "no interval"
         ui.label(f"{pretty_unit(main['unit'])} {known}{more_words}").classes("swingid-unit swingid-numbers")
@@ -222,7 +222,8 @@ def swings_picture(found: Mapping[str, Any]) -> None:
     near = np.abs(values - middle) <= max(OUTSIDE * spread, 1e-12 * abs(middle))
     bounds = main["interval95"]
     band = None if not bounds else (bounds[0], main["value"], bounds[1])
-    title = f"{len(values)} swings give the same {name} to {percent(spread / abs(middle))}"
+    words = parameter_word(name, linear=main["unit"] == "kg").words
+    title = f"{len(values)} swings give the same {words} to {percent(spread / abs(middle))}"
     if not near.all():
         title += f"; {int((~near).sum())} far off are not drawn"
     lines = [Line("upper turning points", unit, points=True, colour=BLUE), Line("lower", unit, True, ORANGE)]

@@ -221,16 +221,21 @@ def mend_of(code: str, sentence: str, draft: Draft) -> dict[str, object]:
     """The keys and values that a warning proposes, where rig.toml takes them; {} where it proposes none."""
     under = UNDER.search(sentence)
     found: dict[str, object] = {}
-    for key, value in MEND.findall(sentence):
-        table = f"{under[1]}." if under and "." not in key else ""
-        found[f"{table}{key}"] = json.loads(value)
+    last = None
+    for match in MEND.finditer(sentence):
+        if last is not None and sentence[last : match.start()] != " and ":
+            break  # what else is named is another way
+        table = f"{under[1]}." if under and "." not in match[1] else ""
+        found[f"{table}{match[1]}"] = json.loads(match[2])
+        last = match.end()
     found = {key: value for key, value in found.items() if "." in key} or dict(BY_CODE.get(code, {}))
     try:
-        rig = draft.rig()
-        same = found and rig.changed(found).text == rig.text
-    except (SwingidError, tomllib.TOMLDecodeError):
+        text = draft.text()
+        new = edited(text, found)[0]
+        Rig.from_text(new)
+    except SwingidError:
         return {}
-    return {} if same else found
+    return found if tomllib.loads(new) != tomllib.loads(text) else {}
 
 
 def case_of(draft: Draft) -> Case:

@@ -125,6 +125,11 @@ FREE_UNKNOWN = "The answer is m g l over the inertia, not kg m²."
 DRIVEN_UNKNOWN = "It is identified with the inertia; that needs motions of two frequencies, and the interval is wider."
 ENCODER = _encoder("encoder", "sensors", "Encoder of the body")
 
+HELD = Question(
+    "held", "What the column of the torque holds", "A command acts until the next row; a reply is measured.",
+    (Way("commanded", values={"log.drive_held": True}), Way("measured", values={"log.drive_held": False})),
+)  # fmt: skip
+
 KINDS = (
     Kind("wheel", "A driven wheel on a pendulum", "A motor turns a wheel; its reaction swings the body.",
          ("driven-wheel", 0, 1), "reaction-wheel", (
@@ -163,7 +168,7 @@ KINDS = (
          ("direct", 0, 1), "direct", (
              _value("gain", "Torque per unit of its column", "1 where the column is in N m; else from a lever on a "
                     "scale.", "log.torque_gain", "1 ± 0.02", "It is found from m g l, if that is stated."),
-             _gravity(DRIVEN_UNKNOWN, BALANCED), ENCODER), (("angle", "angle_speed"), ("torque",))),
+             HELD, _gravity(DRIVEN_UNKNOWN, BALANCED), ENCODER), (("angle", "angle_speed"), ("torque",))),
     Kind("servo", "A motor on the axis", "Servo, gimbal, QUBE: its voltage or pulse width is known.",
          ("servo", 0, 1), "motor", (
              _gravity("Then torque per volt must be known.", BALANCED),
@@ -177,7 +182,7 @@ KINDS = (
          (ENCODER,), fixed={"axis.gravity_torque": 0}),
     Kind("cart", "A carriage on a rail", "A known force moves it to and fro.", ("cart", 0, 1), "direct", (
         _value("gain", "Force per unit of its column", "1 where the column is in N.", "log.torque_gain",
-               "35.15 ± 0.1", "The answer is this gain over the mass."),),
+               "35.15 ± 0.1", "The answer is this gain over the mass."), HELD),
          (("angle", "angle_speed"), ("torque",)), linear=True),
 )  # fmt: skip
 """All kinds, in the order of docs/which-rig.md."""

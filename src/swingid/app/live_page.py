@@ -196,8 +196,9 @@ class LivePage:
         self.error = Plot("tracking error", [Line("error", "rad")], window=WINDOW, height=120)
         self.voltage = Plot("voltage", [Line("voltage", "V")], window=WINDOW, height=120, limits=levels)
         self.gain = Plot("adaptive gain", [Line("gain")], window=WINDOW, height=110)
-        names = ("estimate", "lower end of the 95 % interval", "upper end")
-        self.estimates = Plot("inertia after each swing, kg m²", [Line(name) for name in names])
+        names = ("estimate", "lower end (95 %)", "upper end")
+        unit = "kg" if self.plant.axis.kind == "linear" else "kg m²"
+        self.estimates = Plot("inertia after each swing", [Line(name, unit) for name in names])
 
     @property
     def fields(self) -> Fields:

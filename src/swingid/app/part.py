@@ -10,7 +10,7 @@ import numpy as np
 from nicegui import ui
 
 from swingid.app.analysis import Analyst, inspected, named, sketched
-from swingid.app.draft import Draft, case_of
+from swingid.app.draft import Draft, case_of, mend_of
 from swingid.app.parts import choice_button, findings, main_button, more, plain_button, said
 from swingid.app.plot import Line, Plot
 from swingid.errors import SwingidError
@@ -38,9 +38,10 @@ class Part:
         except SwingidError as error:
             place.clear()
             with place:
-                ui.label(named(error.message, case)).classes("text-lg swingid-text").props(
-                    'role="heading" aria-level=3'
-                )
+                sentence = ui.label(named(error.message, case)).classes("text-lg swingid-text")
+                sentence.props('role="heading" aria-level=3')
+                self.checks = ui.column().classes("w-full")
+            await self.inspect()
             return False
         place.clear()
         with place:
@@ -126,8 +127,12 @@ class Part:
             ui.label(f"{line[:1].upper()}{line[1:]}").classes("swingid-text")
             if verdict["advice"]:
                 ui.label(f"Better: {verdict['advice']}.").classes("swingid-quiet")
-            if found["changes_tried"]:
-                words = ", ".join(f"{key} = {value}" for key, value in found["changes_tried"].items())
-                main_button(f"Set {words}", lambda: self.mended(found["changes_tried"])).classes("self-start")
+            tried = found["changes_tried"]
+            wrong = [check for check in found["checks"] if check["level"] == "repair"]
+            proposed = [mend_of(check["code"], check["remedy"], self.draft) for check in wrong]
+            for mend in [tried, *(one for one in proposed if not one.keys() & tried.keys())]:
+                if mend:
+                    words = ", ".join(f"{key} = {value}" for key, value in mend.items())
+                    main_button(f"Set {words}", partial(self.mended, mend)).classes("self-start")
             with more(f"All {len(found['checks'])} checks of the log"):
                 findings(found["checks"])

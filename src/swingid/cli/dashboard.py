@@ -9,16 +9,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from swingid.cli import output
 from swingid.errors import UsageError
 from swingid.system import END_SIGNALS
-
-if TYPE_CHECKING:
-    from swingid.model.rig import Rig
 
 TOKEN = "SWINGID_TOKEN"
 
@@ -71,7 +68,7 @@ def dashboard(
         raise UsageError("--device needs the rig file that belongs to it; give --rig", code="missing-option")
     plant = None if rig is None else Rig.load(rig)
     for each in log or ():
-        _require_log(each, plant)
+        _require_log(each)
     if plant is not None and not log:
         _require_live(folder)
     if not host.strip():
@@ -113,17 +110,17 @@ def _ended_by_signals() -> Iterator[None]:
             signal.signal(number, signal.SIG_IGN)
 
 
-def _require_log(log: str, rig: Rig | None) -> None:
+def _require_log(log: str) -> None:
     """Raise where there is no page of this log."""
+    from swingid.recording.formats import read_table
     from swingid.recording.large import is_large
-    from swingid.recording.recording import Recording
+    from swingid.recording.load import read_bytes
 
     output.check_files({log: "the log"})
     if is_large(log):
         text = f"{log} is too large for a page; identify it, or show a part of it that you saved to a file of its own"
         raise UsageError(text, code="too-large")
-    if rig is not None:
-        Recording.load(log, rig)
+    read_table(read_bytes(log), log)  # what the rig file has against it the page says, and mends
 
 
 def _require_live(folder: str) -> None:

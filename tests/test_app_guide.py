@@ -13,13 +13,26 @@ import pytest
 
 from browser import browser, listen, picture, served
 from swingid import Recording, Rig, identify
-from swingid.app.draft import Draft, mend_of
+from swingid.app.draft import Draft, case_of, mend_of
+from swingid.app.keep import command, five_lines
 from swingid.app.kinds import KINDS, drawing, kind_of_rig
 from swingid.app.look import safe_name
 
 SLOW = 40_000  # ms, with kernels that are compiled
 
 INERTIA, GRAVITY = 3.022e-3, 78e-3
+
+
+RIG = """
+[axis]
+gravity_torque = "78 ± 0.4 mN*m"
+[drive]
+kind = "none"
+[log]
+time = "t_s"
+angle = "pendulum_deg"
+angle_unit = "deg"
+"""
 
 
 def released(start: float, stop: float, rate: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
@@ -123,7 +136,7 @@ def test_from_a_dropped_file_to_what_is_kept(log, tmp_path):
             files[name] = download.value.path().read_bytes()
         picture(page, "guide-keep")
         check_kept(files, log, value)
-        assert "sw.identify(log, rig" in page.get_by_label("Python").inner_text()
+        assert "sw.identify(log.segment(start, stop), rig)" in page.get_by_label("Python").inner_text()
 
         page.set_viewport_size({"width": 390, "height": 800})
         for name in ("Look", "Which rig?", "What you know", "Part", "Answer"):
@@ -186,6 +199,20 @@ def test_each_kind_of_rig_gives_a_rig_file_whichever_way_its_questions_are_answe
             assert draft.trouble() == ("", ""), (question.name, way.words)
     assert kind_of_rig(draft.rig(filled=True)) in (kind.name, "flywheel")
     assert drawing(*kind.picture).count("<svg") == 2
+
+
+@pytest.mark.parametrize("parts", [(), ((16.0, 31.0),), ((1.0, 14.0), (16.0, 31.0))])
+def test_the_lines_of_python_run(log, tmp_path, parts, monkeypatch, capsys):
+    draft = Draft.of({"a log.csv": log}, Rig.from_text(RIG))
+    draft.parts = list(parts)
+    (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
+    (tmp_path / "a log.csv").write_bytes(log.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    lines = five_lines(case_of(draft))
+    assert len(lines.splitlines()) == 5
+    exec(lines, {})
+    assert capsys.readouterr().out.count("[[Identification]]") == max(len(parts), 1)
+    assert command(case_of(draft)).startswith("swingid identify 'a log.csv' --rig rig.toml")
 
 
 def test_names_of_dropped_files_are_no_paths():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 
 from nicegui import ui
 
@@ -32,11 +33,9 @@ class Keep:
             plain_button("Notebook", lambda: ui.download.content(notebook(case), "swingid.ipynb"))
         ui.label("The same in Python").classes("swingid-strong")
         html(f'<pre class="swingid-code" aria-label="Python">{escaped(five_lines(case))}</pre>', "w-full")
-        command = f"swingid identify {' '.join(self.draft.logs)} --rig rig.toml"
-        command += "".join(f" --part {a}:{b}" for a, b in case.parts)
-        command += "".join(f' --added "{one}"' for one in case.added)
-        ui.label("and in a terminal").classes("swingid-strong")
-        html(f'<pre class="swingid-code">{escaped(command)}</pre>', "w-full")
+        if len(case.parts) < 2:
+            ui.label("and in a terminal").classes("swingid-strong")
+            html(f'<pre class="swingid-code">{escaped(command(case))}</pre>', "w-full")
 
     async def _report(self, ending: str) -> None:
         try:
@@ -53,21 +52,26 @@ class Keep:
 
 
 def five_lines(case: Case) -> str:
-    """Python that reads the logs beside rig.toml and gives the same result."""
-    names = [name for name, _ in case.logs]
+    """Python that reads the logs beside rig.toml and gives the same result; of several parts one after the other."""
+    names = [json.dumps(name, ensure_ascii=False) for name, _ in case.logs]
     lines = ["import swingid as sw", 'rig = sw.Rig.load("rig.toml")']
-    more = ""
-    if len(names) == 1:
-        lines.append(f"log = sw.Recording.load({json.dumps(names[0], ensure_ascii=False)}, rig)")
-        if len(case.parts) == 1:
-            lines[-1] += ".segment({!r}, {!r})".format(*case.parts[0])
-        elif case.parts:
-            more = f", part={[tuple(part) for part in case.parts]!r}"
+    if len(names) > 1:
+        lines.append(f"log = [sw.Recording.load(name, rig) for name in ({', '.join(names)})]")
     else:
-        listed = ", ".join(json.dumps(name, ensure_ascii=False) for name in names)
-        lines.append(f"log = [sw.Recording.load(name, rig) for name in ({listed})]")
-    more += f", added={list(case.added)!r}" if case.added else ""
-    return "\n".join([*lines, f"result = sw.identify(log, rig{more})", "print(result.summary())"]) + "\n"
+        lines.append(f"log = sw.Recording.load({names[0]}, rig)")
+    if len(case.parts) > 1:
+        lines.append(f"for start, stop in {[tuple(part) for part in case.parts]!r}:")
+        return "\n".join([*lines, "    print(sw.identify(log.segment(start, stop), rig).summary())"]) + "\n"
+    used = "log.segment({!r}, {!r})".format(*case.parts[0]) if case.parts else "log"
+    more = f", added={list(case.added)!r}" if case.added else ""
+    return "\n".join([*lines, f"result = sw.identify({used}, rig{more})", "print(result.summary())"]) + "\n"
+
+
+def command(case: Case) -> str:
+    """The same in a terminal."""
+    words = ["swingid", "identify", *(shlex.quote(name) for name, _ in case.logs), "--rig", "rig.toml"]
+    words += [f"--part {start!r}:{stop!r}" for start, stop in case.parts]
+    return " ".join([*words, *(f"--added {shlex.quote(one)}" for one in case.added)])
 
 
 def notebook(case: Case) -> str:
@@ -79,8 +83,9 @@ def notebook(case: Case) -> str:
         ),
         _cell("code", f"%%writefile rig.toml\n{case.rig}"),
         _cell("code", "\n".join(parts)),
-        _cell("code", "result.plot();"),
     ]
+    if len(case.parts) < 2:
+        cells.append(_cell("code", "result.plot();"))
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     whole = {"cells": cells, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
     for number, cell in enumerate(cells):

@@ -74,7 +74,7 @@ export default {
         stroke: dark ? bright[line.colour] || line.colour : line.colour,
         dash: line.points ? undefined : DASHES[k % DASHES.length],
         width: line.points ? 0 : 1.4,
-        points: { show: line.points, size: 5, width: 0, fill: dark ? bright[line.colour] || line.colour : line.colour },
+        points: { show: line.points, size: k % 2 ? 6 : 5, width: k % 2 ? 1.5 : 0, fill: k % 2 ? this.ink("ground") : dark ? bright[line.colour] || line.colour : line.colour },
         paths: line.points ? () => null : undefined,
         spanGaps: false,
         value: (_, v) => (v == null ? "–" : v.toPrecision(4)),

@@ -91,7 +91,7 @@ def test_ctrl_c_beside_a_log(tmp_path):
     with served("--log", str(log), "--rig", "paper") as (address, server), browser() as chromium:
         page = chromium.new_page()
         page.goto(address)
-        page.get_by_text("reading the log").or_(page.get_by_text("s long")).first.wait_for(timeout=SLOW)
+        page.get_by_text("reading the log").or_(page.get_by_text("turning points")).first.wait_for(timeout=SLOW)
         took, said = interrupted(server, 3)
         ended_well(server, took, said, "the log and the rig file are as they were")
 
@@ -107,7 +107,7 @@ def test_ctrl_c_in_a_step(tmp_path, step):
             go_to(page, step)
         if step == "Rehearse":
             page.get_by_label("duration, s").fill("3500")
-        page.get_by_role("button", name=step).last.click()
+        click(page, "Rehearse on the twin" if step == "Rehearse" else step)
         page.get_by_text(re.compile("(connecting|checking|rehearsing) …")).wait_for(timeout=SLOW)
         page.wait_for_timeout(500 if step == "Check" else 1500 if step == "Rehearse" else 0)
         processes = below(server.pid)
@@ -154,7 +154,7 @@ def test_no_process_outlives_a_killed_server(tmp_path):
     with served("--log", str(log), "--rig", "paper") as (address, server), browser() as chromium:
         page = chromium.new_page()
         page.goto(address)
-        page.get_by_role("tab", name="Result").click(timeout=SLOW)
+        page.get_by_role("button", name="Answer", exact=True).last.click(timeout=SLOW)
         page.get_by_text("momentum").first.wait_for(timeout=SLOW)
         processes = below(server.pid)
         assert len(processes) >= 2

@@ -105,6 +105,14 @@ def test_own_names_reach_all(local, host):
     assert upgraded(local, own) == 101
 
 
+def test_a_body_that_is_too_large_or_of_no_stated_length_is_refused(local):
+    own = {"Host": f"127.0.0.1:{local}", "Origin": f"http://127.0.0.1:{local}"}
+    for more in ({"Content-Length": "99999999999"}, {"Content-Length": "1e3"}, {"Transfer-Encoding": "chunked"}):
+        status, answer = asked(local, "/_nicegui/client/1/upload/1", own | more, "POST")
+        assert status in (400, 413), more
+        assert "bug" not in answer
+
+
 def test_no_answer_may_be_framed(local):
     own = {"Host": f"127.0.0.1:{local}"}
     for path, headers in (("/", own), ("/nothing", own), ("/favicon.ico", own), ("/", {"Host": "evil.example"})):

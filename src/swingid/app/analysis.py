@@ -9,30 +9,77 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from multiprocessing.connection import wait
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
 from swingid.errors import SwingidError, UnanswerableError
 from swingid.identification import identify
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
+from swingid.preparation.motion import Motion, find_motion
+from swingid.preparation.noise import channel_noise
+from swingid.recording.conventions import SECONDS
+from swingid.recording.formats import read_table
+from swingid.recording.inspect import describe, guess_roles
+from swingid.recording.large import first_rows, is_large
+from swingid.recording.load import read_bytes
 from swingid.recording.recording import Recording
 from swingid.report.style import envelope
 from swingid.result.result import Result, refusal
 from swingid.study.changes import Times, changed
+from swingid.study.inspect.inspection import range_of
 from swingid.system import interruption_waits
 
-Part = tuple[float, float] | None
 Factors = Mapping[str, float]
 """Multiples of constants by their dotted keys."""
+
+RIG = "rig.toml"
+"""What sentences call the rig file that grows on the page."""
 
 STOPPED = "stopped"
 """Code of what a person has ended."""
 
 BINS = 2500
 """Parts of a log whose smallest and largest values are drawn: more than a screen has columns."""
+
+COARSE = 700
+"""The same for a first look at a column."""
+
+GROWN, SHRINKING = 1.15, 5
+"""A swing so many times larger than the one before begins a release; so many swings are worth one."""
+
+DECAY = """
+name = "twin"
+[axis]
+gravity_torque = 78e-3
+inertia = 302.2e-5
+friction = {viscous = 2e-4, coulomb = 4e-4}
+[drive]
+kind = "none"
+[sensors]
+counts_per_turn = 16384
+"""
+"""The rig of the example of a free decay."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What is to be identified: (name, path) of each log, the text of rig.toml, parts (s) of a single log.
+
+    added: inertia of the known body on the axis in each log, () for none.
+    """
+
+    logs: tuple[tuple[str, str], ...]
+    rig: str
+    parts: tuple[tuple[float, float], ...] = ()
+    added: tuple[str, ...] = ()
+    source: str = RIG
 
 
 class Analyst:
@@ -92,72 +139,195 @@ def _end_with_parent() -> None:
     threading.Thread(target=watch, args=(parent.sentinel,), daemon=True).start()
 
 
-def sketched(log: str, rig: str) -> dict[str, Any]:
-    """What the page draws of a log, thinned: (name, unit, times (n,), values (n,)) of each channel, the angle first;
-    first and last time (s), and the duration.
+def looked(path: str) -> dict[str, Any]:
+    """Columns of a file as they stand there, thinned for drawing, and the guess of their roles.
+
+    Raises InputError where it is no table.
     """
-    plant, recording = _loaded(log, rig, (_changed_at(log), _changed_at(rig)))
+    table = first_rows(path) if is_large(path) else read_table(read_bytes(path), path)
+    columns = describe(table)
+    roles = guess_roles(columns)
+    clock = roles.found.get("time")
+    named = {column.name: column for column in columns}
+    stamps = np.arange(float(max((len(one.values) for one in columns), default=0)))
+    if clock is not None:
+        stamps = named[clock.column].values * SECONDS[clock.unit]
+    drawn = {}
+    for one in columns:
+        numbers = one.kind in ("numbers", "whole numbers") and len(one.values) == len(stamps)
+        drawn[one.name] = {
+            "unit": one.unit,
+            "what": roles.others.get(one.name, ""),
+            "range": range_of(one),
+            "drawn": envelope(stamps, one.values, COARSE) if numbers and not one.constant else None,
+        }
+    moving = next((roles.found[role] for role in ("angle", "angle_speed") if role in roles.found), None)
+    return {
+        "columns": drawn,
+        "roles": {
+            name: vars(role) if hasattr(role, "__dict__") else asdict(role) for name, role in roles.found.items()
+        },
+        "zero_up": roles.zero_up,
+        "linear": roles.linear,
+        "rows": len(stamps),
+        "duration": float(np.nanmax(stamps) - np.nanmin(stamps)) if len(stamps) and clock is not None else 0.0,
+        "returns": moving is None or _returns(named[moving.column].values, moving.role),
+    }
+
+
+def _returns(values: Array, role: str) -> bool:
+    """Whether an angle goes to and fro, or a rate changes its sign."""
+    good = values[np.isfinite(values)]
+    if len(good) < 3:
+        return True
+    if role == "angle_speed":
+        low, high = np.quantile(good, (0.05, 0.95))
+        return bool(low < -0.1 * high and high > -0.1 * low)
+    return float(np.ptp(good)) > 1.05 * abs(float(good[-1] - good[0])) or float(np.ptp(good)) == 0.0
+
+
+def sketched(case: Case) -> dict[str, Any]:
+    """What the page draws of the first log, thinned: (name, unit, times (n,), values (n,)) of each channel, the angle
+    first; first and last time (s), turning points, and the parts between releases.
+    """
+    plant, recordings = _loaded(case, _changed_at(case))
+    recording = recordings[case.logs[0][0]]
     linear = plant.axis.kind == "linear"
     channels = [
         ("position", "m", recording.angle) if linear else ("angle", "rad", recording.angle),
+        ("wheel", "rad", recording.wheel_angle),
         ("voltage", "V", recording.voltage),
         ("force", "N", recording.torque) if linear else ("torque", "N m", recording.torque),
     ]
     t = recording.time
     drawn = [(name, unit, *envelope(t, values, BINS)) for name, unit, values in channels if values is not None]
-    return {"channels": drawn, "first": float(t[0]), "last": float(t[-1]), "duration": recording.duration}
+    motion = find_motion(t, recording.angle, channel_noise(recording, plant).angle)
+    return {
+        "channels": drawn,
+        "first": float(t[0]),
+        "last": float(t[-1]),
+        "turning": (motion.turning_times, motion.turning_angles),
+        "releases": _releases(motion, float(t[-1])) if plant.drive.kind == "none" else [],
+    }
 
 
-def inspected(log: str, rig: str) -> dict[str, Any]:
-    """Findings of `swingid inspect`, as its JSON."""
+def _releases(motion: Motion, last: float) -> list[tuple[float, float]]:
+    """Parts (s) of swings that shrink, five and more, each after a larger swing than the one before."""
+    sizes, times = motion.swing_sizes, motion.turning_times
+    starts = [k for k in range(len(sizes)) if k == 0 or sizes[k] > GROWN * sizes[k - 1]]
+    ends = [*starts[1:], len(sizes)]
+    runs = [(start, end) for start, end in zip(starts, ends, strict=True) if end - start >= SHRINKING]
+    return [(float(times[start]), last if end == len(sizes) else float(times[end - 1])) for start, end in runs]
+
+
+def inspected(case: Case) -> dict[str, Any]:
+    """Findings of `swingid inspect` on the first log, as its JSON."""
     from swingid.study.inspect import inspect_log
 
-    return inspect_log(log, Rig.load(rig)).to_dict()
+    found = inspect_log(case.logs[0][1], Rig.from_text(case.rig, case.source))
+    plain: dict[str, Any] = named({**found.to_dict(), "verdict": vars(found.verdict)}, case)
+    return plain
 
 
-def answered(log: str, rig: str, method: str, part: Part, factors: Factors) -> dict[str, Any]:
+def answered(case: Case, method: str, factors: Factors) -> dict[str, Any]:
     """A result as its JSON; a refusal has the status "refused" and its reason in "error"."""
-    return _answer(log, rig, method, part, factors).to_dict()
+    plain: dict[str, Any] = named(_answer(case, method, factors).to_dict(), case)
+    return plain
 
 
-def reported(log: str, rig: str, method: str, part: Part, factors: Factors, ending: str) -> bytes:
+def reported(case: Case, method: str, factors: Factors, ending: str) -> bytes:
     """The report of a result, the content of a file of this ending (".html", ".pdf")."""
     from swingid.report import write_report
 
-    plant, recording = _given(log, rig, part, factors)
-    result = _answer(log, rig, method, part, factors)
+    plant, logs = _given(case, factors)
+    result = _answer(case, method, factors)
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"report{ending}"
-        write_report(result, recording, plant, path)
+        write_report(result, logs if isinstance(logs, Recording) else None, plant, path)
         return path.read_bytes()
 
 
-def _answer(log: str, rig: str, method: str, part: Part, factors: Factors) -> Result:
+def example(name: str, path: str) -> None:
+    """Write the log of an example of the page, made by the twin, as CSV with the angle in degrees."""
+    from swingid.control.references import parse_reference
+    from swingid.simulation import simulate
+
+    rows: dict[str, Array | None]
+    if name == "wheel":
+        log = simulate(Rig.load("paper"), parse_reference("sine 0.8 rad 8.5 rad/s"), duration=20.0, seed=1)
+        rows = {
+            "t_s": log.time,
+            "pendulum_deg": np.degrees(log.angle),
+            "wheel_rad": log.wheel_angle,
+            "volts": log.voltage,
+        }
+    else:
+        log = simulate(Rig.from_text(DECAY), duration=40.0, initial_angle=1.2, rate=200.0, seed=2)
+        rows = {}
+    rows = {"t_s": log.time, "pendulum_deg": np.degrees(log.angle), **rows}
+    columns = [np.asarray(values) for values in rows.values()]
+    np.savetxt(path, np.column_stack(columns), fmt="%.7g", delimiter=",", header=",".join(rows), comments="")
+
+
+def named(found: Any, case: Case) -> Any:
+    """The same with the names of the logs in the place of their paths."""
+    if isinstance(found, str):
+        for name, path in case.logs:
+            found = found.replace(path, name)
+        return found
+    if isinstance(found, dict):
+        return {key: named(value, case) for key, value in found.items()}
+    return [named(one, case) for one in found] if isinstance(found, list | tuple) else found
+
+
+def _answer(case: Case, method: str, factors: Factors) -> Result:
     try:
-        plant, recording = _given(log, rig, part, factors)
-        return identify(recording, plant, method)
+        plant, logs = _given(case, factors)
+        more = {"added": list(case.added)} if any(case.added) else {}
+        return identify(logs, plant, method, **more)
     except SwingidError as error:
         return refusal(method, error)
 
 
-def _given(log: str, rig: str, part: Part, factors: Factors) -> tuple[Rig, Recording]:
-    plant, recording = _loaded(log, rig, (_changed_at(log), _changed_at(rig)))
+def _given(case: Case, factors: Factors) -> tuple[Rig, Recording | dict[str, Recording]]:
+    plant, recordings = _loaded(case, _changed_at(case))
     other = {key: Times(factor) for key, factor in factors.items() if factor != 1.0}
     if other:
         plant = changed(plant, other)
-        recording = Recording.load(log, plant)
-    return plant, recording if part is None else recording.segment(*part)
+        recordings = {name: Recording.load(path, plant) for name, path in case.logs}
+    if len(recordings) > 1:
+        return plant, recordings
+    (recording,) = recordings.values()
+    if len(case.parts) > 1:
+        return plant, {f"{a:.4g} to {b:.4g} s": _part(recording, a, b) for a, b in case.parts}
+    return plant, recording.segment(*case.parts[0]) if case.parts else recording
 
 
-def _changed_at(path: str) -> int:
-    """When a file was changed, ns; 0 for a built-in name and for a file that is gone, which its reader refuses."""
-    try:
-        return Path(path).stat().st_mtime_ns
-    except OSError:
-        return 0
+def _part(log: Recording, start: float, stop: float) -> Recording:
+    """A part of a log as one of several logs: each has a source of its own, for one log counts once."""
+    own = replace(log.source, sha256=f"{log.source.sha256} {start!r} {stop!r}")
+    return replace(log.segment(start, stop), source=own)
+
+
+def _changed_at(case: Case) -> tuple[int, ...]:
+    """When the files were changed, ns; 0 for a file that is gone, which its reader refuses."""
+
+    def at(path: str) -> int:
+        try:
+            return Path(path).stat().st_mtime_ns
+        except OSError:
+            return 0
+
+    return tuple(at(path) for _, path in case.logs)
+
+
+def _loaded(case: Case, changed: tuple[int, ...]) -> tuple[Rig, dict[str, Recording]]:
+    return _read(case.logs, case.rig, case.source, changed)
 
 
 @lru_cache(4)
-def _loaded(log: str, rig: str, _changed: tuple[int, int]) -> tuple[Rig, Recording]:
-    plant = Rig.load(rig)
-    return plant, Recording.load(log, plant)
+def _read(
+    logs: tuple[tuple[str, str], ...], rig: str, source: str, _changed: tuple[int, ...]
+) -> tuple[Rig, dict[str, Recording]]:
+    plant = Rig.from_text(rig, source)
+    return plant, {name: Recording.load(path, plant) for name, path in logs}

@@ -3,37 +3,46 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from nicegui import app
 
 from swingid.app.analysis import Analyst
+from swingid.app.draft import Draft
 from swingid.app.gate import Place
+from swingid.app.guide import Guide
 from swingid.app.live_page import Desk, live_page
-from swingid.app.log_page import LogPage
 from swingid.app.runner import POLLED
 from swingid.app.server import serve
+from swingid.model.rig import Rig
 
 SOFT_STOP = 1.4
 """Seconds after Ctrl-C within which the server waits for the end of a run: the fade of 0.5 s, then its journal."""
 
 
 class LogDashboard:
-    """The page on a log and its rig file, which can be loaded."""
+    """The page on logs, from files or dropped there, with the rig file if there is one."""
 
-    def __init__(self, log: str, rig: str) -> None:
-        self.log, self.rig = log, rig
+    def __init__(self, logs: Sequence[str], rig: Rig | None) -> None:
+        self.logs = {Path(log).name: Path(log) for log in logs}
+        self.rig = rig
 
     def serve(self, place: Place, *, show: bool) -> None:
-        """Serve the page until it is ended."""
+        """Serve the page until it is ended; what was dropped is then deleted."""
         analyst = Analyst()
-        serve(
-            lambda: LogPage(self.log, self.rig, analyst).build(),
-            place,
-            show=show,
-            asked_to_end=lambda: None,
-            closing=analyst.close,
-        )
+        with TemporaryDirectory(prefix="swingid-", ignore_cleanup_errors=True) as folder:
+            serve(
+                lambda: Guide(analyst, Path(folder), self._draft()).build(),
+                place,
+                show=show,
+                asked_to_end=lambda: None,
+                closing=analyst.close,
+            )
+
+    def _draft(self) -> Draft:
+        return Draft(logs=dict(self.logs)) if self.rig is None else Draft.of(self.logs, self.rig)
 
     def words_at_end(self) -> str:
         """What a person who has ended the page wants to know."""

@@ -23,6 +23,9 @@ LOCAL = ("127.0.0.1", "localhost", "::1")
 EVERYWHERE = ("0.0.0.0", "::")
 """Addresses to listen at that mean every address of this machine."""
 
+LARGEST_BODY = 220_000_000
+"""Bytes of a request: one dropped file of 200 MB, or several together."""
+
 HEADERS = (
     (b"content-security-policy", b"frame-ancestors 'none'"),
     (b"x-frame-options", b"DENY"),
@@ -124,7 +127,9 @@ class Gate:
         given = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1")))
         if not wrong and self.place.token and not self._knows(given, headers):
             wrong = "This page needs the token that swingid dashboard printed: open the whole address, with ?token=…"
-        if wrong:
+        if not wrong and _too_large(headers):
+            await _answer(send, 413, b"A page takes files of 200 MB at most.\n", [(b"content-type", b"text/plain")])
+        elif wrong:
             await _refuse(scope, receive, send, wrong)
         elif scope["type"] == "http" and scope["method"] == "GET" and self.place.token and "token" in given:
             await self._remember(scope, send, given)
@@ -172,6 +177,12 @@ class Gate:
             (b"cache-control", b"no-store"),
         ]
         await _answer(send, 303, b"", headers)
+
+
+def _too_large(headers: _Headers) -> bool:
+    """Whether the body of a request is larger than `LARGEST_BODY`, or of a length that nobody states."""
+    lengths = headers["content-length"]
+    return bool(headers["transfer-encoding"]) or any(not one.isdigit() or int(one) > LARGEST_BODY for one in lengths)
 
 
 def _same(one: str, other: str) -> bool:

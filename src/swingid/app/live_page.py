@@ -12,10 +12,15 @@ import numpy as np
 from nicegui import ui
 
 from swingid.app.analysis import Analyst
-from swingid.app.log_page import LogPage
+from swingid.app.answer import Answer
+from swingid.app.draft import Draft
+from swingid.app.keep import Keep
+from swingid.app.kinds import drawing, kind_of, kind_of_rig
 from swingid.app.order import DURATION, MOTION, UNTIL, WrongFieldError, order_of, share_of
-from swingid.app.parts import Step, page_frame, ready, said, steps
+from swingid.app.part import Part
+from swingid.app.parts import Frame, Step, main_button, plain_button, said
 from swingid.app.plot import Line, Plot
+from swingid.app.rig_view import RigView
 from swingid.app.runner import Runner
 from swingid.app.stop_bar import StopBar
 from swingid.app.task import Kind, Task
@@ -24,12 +29,12 @@ from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
 
 STEPS = (
-    Step("connect", "Connect"),
-    Step("check", "Check"),
-    Step("rehearse", "Rehearse"),
-    Step("run", "Run"),
-    Step("result", "Result"),
-    Step("report", "Report"),
+    ("connect", "Connect", ""),
+    ("check", "Check", "waits for the connection"),
+    ("rehearse", "Rehearse", "waits for the check"),
+    ("run", "Run", "waits for the rehearsal of this motion"),
+    ("result", "Result", "waits for a run"),
+    ("report", "Keep", "waits for a run"),
 )
 
 DRAWS, WINDOW = 30.0, 10.0
@@ -103,43 +108,64 @@ class LivePage:
         self.client = ui.context.client
         self.plant = Rig.load(desk.rig)
         self.logs: dict[Kind, ui.column] = {}
+        self.said: dict[str, str] = {}
         self.buttons: dict[Kind, ui.button] = {}
+        self.next: dict[Kind, ui.button] = {}
         self.inputs: dict[str, ui.input | ui.number] = {}
         self.cursor = self.drawn = self.lines = 0
         self.task = self.runner.seen
         self.shown = ""
-        self.result: LogPage | None = None
+        self.open: str = ""
 
     def build(self) -> None:
         """Lay the page out."""
-        page_frame(self.desk.address or f"emulator of {self.plant.name}", rig=self.desk.rig)
-        self.watching = ui.label("Another page controls this rig; here you watch. STOP works everywhere.")
-        going = self.runner.seen.kind if self.runner.busy else None
-        with steps(STEPS, going) as (self.tabs, panels):
-            with panels["connect"]:
-                ui.label(f"Device: {self.desk.address or 'none given, so the twin of the rig file is the rig'}")
-                self._action("connect", "Connect")
-            with panels["check"]:
-                ui.label("The body must hang still. Small pulses turn the wheel, to find signs and delay.")
-                self.clear = ui.checkbox("I have looked at the rig: clear a fault of an earlier run")
-                self._action("check", "Check")
-            with panels["rehearse"]:
-                self._order_panel()
-                self._action("rehearse", "Rehearse on the twin")
-            with panels["run"]:
-                self._action("run", "Run")
-                self._plots()
-            with panels["result"]:
-                self.result_place = ui.column().classes("w-full")
-                said(self.result_place, "no run yet")
-            with panels["report"]:
-                self.report_place = ui.column().classes("w-full")
-                said(self.report_place, "no run yet")
+        self.frame = Frame(self.plant.name, "Connect the rig, check it, rehearse the motion, run it.")
+        kind = kind_of_rig(self.plant)
+        with self.frame.place:
+            with ui.element("div").classes("swingid-columns"):
+                text = "Another page controls this rig; here you watch. STOP works everywhere."
+                with ui.column().classes("gap-2"):
+                    device = self.desk.address or "none given, so the twin of the rig file is the rig"
+                    ui.label(f"Device: {device}").classes("swingid-text")
+                    ui.label(f"Rig file {self.desk.rig}").classes("swingid-quiet")
+                    self.watching = ui.label(text).classes("swingid-text")
+                self.view = RigView(drawing(*kind_of(kind).picture))
+            self.steps = {name: Step(k, word, waits, self._go) for k, (name, word, waits) in enumerate(STEPS, 1)}
+            self._fill()
         with ui.footer().classes("p-0"):
             self.bar = StopBar(self._stop)
+        self.open = self.runner.seen.kind if self.runner.busy and self.runner.seen.kind else "connect"
         self._enable(mine=False)  # a page controls once its browser is there
         self.watching.set_visibility(False)
         ui.timer(1 / DRAWS, self._draw)
+
+    def _fill(self) -> None:
+        """What is in each step."""
+        with self.steps["connect"].body:
+            ui.label("Who the device is, and whether it is the rig of the rig file.").classes("swingid-text")
+            self._action("connect", "Connect", "check")
+        with self.steps["check"].body:
+            ui.label("The body must hang still. Small pulses turn the wheel, to find signs and delay.").classes(
+                "swingid-text"
+            )
+            self.clear = ui.checkbox("I have looked at the rig: clear a fault of an earlier run")
+            self._action("check", "Check", "rehearse")
+        with self.steps["rehearse"].body:
+            self._order_panel()
+            self._action("rehearse", "Rehearse on the twin", "run")
+        with self.steps["run"].body:
+            self._action("run", "Run", "result")
+            self._plots()
+        for name in ("result", "report"):
+            with self.steps[name].body:
+                said(ui.column().classes("w-full"), "no run yet")
+
+    def _go(self, step: Step) -> None:
+        """Open a step, or fold it."""
+        name = STEPS[step.number - 1][0]
+        if step.state == "later":
+            return
+        self.open = "" if self.open == name else name
 
     def _order_panel(self) -> None:
         fields = self.desk.fields
@@ -151,11 +177,16 @@ class LivePage:
             each.props("bottom-slots")  # room for what is wrong with a field
         ui.label("0 %: run for the whole duration.").classes("text-sm")
 
-    def _action(self, kind: Kind, word: str) -> None:
-        self.buttons[kind] = ui.button(word).on(
-            "click", lambda event: self._press(kind, event.args), js_handler="() => emit(window.swingidBeat)"
-        )
-        self.logs[kind] = ui.column().classes("w-full gap-1 font-mono text-sm").props('aria-live="polite" role="log"')
+    def _action(self, kind: Kind, word: str, then: str) -> None:
+        with ui.row().classes("swingid-step-end"):
+            self.buttons[kind] = main_button(word, lambda: None).on(
+                "click", lambda event: self._press(kind, event.args), js_handler="() => emit(window.swingidBeat)"
+            )
+            self.next[kind] = plain_button(f"Next: {self.steps[then].word}", lambda: self._go_to(then))
+        self.logs[kind] = ui.column().classes("w-full gap-1 swingid-log").props('aria-live="polite" role="log"')
+
+    def _go_to(self, name: str) -> None:
+        self.open = name
 
     def _plots(self) -> None:
         limit = self.plant.drive.motor.voltage_limit if self.plant.drive.motor else None
@@ -165,8 +196,9 @@ class LivePage:
         self.error = Plot("tracking error", [Line("error", "rad")], window=WINDOW, height=120)
         self.voltage = Plot("voltage", [Line("voltage", "V")], window=WINDOW, height=120, limits=levels)
         self.gain = Plot("adaptive gain", [Line("gain")], window=WINDOW, height=110)
-        names = ("estimate", "lower end of the 95 % interval", "upper end")
-        self.estimates = Plot("inertia after each swing, kg m²", [Line(name) for name in names])
+        names = ("estimate", "lower end (95 %)", "upper end")
+        unit = "kg" if self.plant.axis.kind == "linear" else "kg m²"
+        self.estimates = Plot("inertia after each swing", [Line(name, unit) for name in names])
 
     @property
     def fields(self) -> Fields:
@@ -233,6 +265,7 @@ class LivePage:
                 for line in seen.lines[self.lines :]:
                     ui.label(line)
             self.lines = len(seen.lines)
+            self.said[seen.kind] = seen.lines[-1]
         if new := min(seen.count - self.cursor, len(seen.rows)):
             self._add_rows(np.array([seen.rows[k] for k in range(-new, 0)], float))
             self.cursor = seen.count
@@ -241,6 +274,7 @@ class LivePage:
 
     def _add_rows(self, rows: np.ndarray) -> None:
         t, angle, reference, gain, voltage = rows.T
+        self.view.turn(float(angle[-1]))
         self.angle.append(t, [angle, reference])
         self.error.append(t, [angle - reference])
         self.voltage.append(t, [voltage])
@@ -266,14 +300,21 @@ class LivePage:
         self.watching.set_visibility(not mine)
         for kind, is_open in opened.items():
             self.buttons[kind].set_enabled(mine and is_open and not runner.busy)
-            ready(self.tabs[kind], is_open or kind == self.task.kind)
+            self.next[kind].set_visibility(kind in runner.passed or (kind == "run" and bool(self.shown)))
+            self._show(kind, is_open or kind == self.task.kind, kind in runner.passed)
         journal = self.task.found.get("journal", "") if self.task.ended else ""
         for name in ("result", "report"):
-            ready(self.tabs[name], bool(journal or self.shown))
+            self._show(name, bool(journal or self.shown), False)
         self.bar.show(self._state_words(), moves=self._may_move())
         if journal and journal != self.shown:
             self.shown = journal
             ui.timer(0.05, self._show_result, once=True)
+
+    def _show(self, name: str, is_ready: bool, is_done: bool) -> None:
+        """The state of a step, with the last line that was said in it."""
+        state = "later" if not is_ready else "done" if is_done and self.open != name else "now"
+        lines = self.said.get(name, "") if state == "done" else None if state == "later" else ""
+        self.steps[name].show(state, lines, is_open=self.open == name and is_ready)
 
     def _may_move(self) -> bool:
         """Whether the motor can have a voltage, as far as is known here."""
@@ -307,24 +348,23 @@ class LivePage:
     async def _show_result(self) -> None:
         """The log that was recorded, as the page on a log shows it."""
         journal = self.shown
-        result = LogPage(journal, self.desk.rig, self.desk.analyst)
-        said(self.result_place, "reading the journal …")
-        try:
-            found = await result.sketch()
-        except SwingidError as error:
-            said(self.result_place, error.message)
-            return
-        self.result = result
-        self.result_place.clear()
-        with self.result_place:
-            ui.label(f"journal: {journal}").classes("font-mono text-sm")
-            result.plots(found)
-            result.result_panel()
-            result.constants_panel()
-        self.report_place.clear()
-        with self.report_place:
-            result.report_panel()
-        await result.identify_all()
+        draft = Draft.of({Path(journal).name: Path(journal)}, self.plant)
+        body = self.steps["result"].body
+        body.clear()
+        with body:
+            ui.label(f"journal: {journal}").classes("swingid-mono")
+            part = Part(self.desk.analyst, draft, lambda values: None)
+            if not await part.show():
+                return
+            answer = Answer(self.desk.analyst, draft, lambda values: None)
+            plain_button("Answer again, for these parts", answer.run)
+            answer.show()
+        keep = self.steps["report"].body
+        keep.clear()
+        with keep:
+            Keep(self.desk.analyst, draft).show()
+        await answer.run()
+        await part.inspect()
 
 
 def live_page(desk: Desk) -> Callable[[], None]:

@@ -1,140 +1,142 @@
-"""What pages are made of: frame, steps, tables, results side by side; with labels for screen readers."""
+"""What pages are made of: frame, steps in order down the page, buttons, lists; with labels for screen readers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from nicegui import ui
 
-from swingid.format import interval, plus_minus
-
-STYLE = """
-body { font-family: system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }
-.swingid-plot-title { font-size: 0.85rem; opacity: 0.8; }
-.u-legend { font-size: 0.75rem; }
-.body--dark .u-legend { color: #d8dce0; }
-table.swingid { border-collapse: collapse; width: 100%; font-size: 0.9rem; }
-table.swingid th { text-align: left; font-weight: 600; border-bottom: 1px solid #767676; padding: 4px 8px; }
-table.swingid td { border-bottom: 1px solid rgba(118,118,118,.3); padding: 4px 8px; vertical-align: top; }
-table.swingid td.number { white-space: nowrap; font-variant-numeric: tabular-nums; }
-.swingid-scroll { overflow-x: auto; width: 100%; }
-:focus-visible { outline: 3px solid #E69F00; outline-offset: 2px; }
-"""
+STYLE = Path(__file__).with_name("page.css").read_text(encoding="utf-8")
 
 
-WAITS = "…"
-"""In the place of a value that is being computed."""
+class Frame:
+    """Title, one sentence on what is going on, and the place of the steps; dark or light as the system is."""
+
+    def __init__(self, title: str, sentence: str) -> None:
+        ui.add_css(STYLE)
+        ui.colors(negative="#B3261E", positive="#009E73", warning="#B26A00")
+        self._dark = ui.dark_mode(None)
+        self.place = ui.column().classes("swingid-page")
+        with self.place:
+            with ui.element("div").classes("swingid-top"):
+                self._title = ui.html("", sanitize=False, tag="h1")
+                ui.button(icon="contrast", on_click=lambda: self._dark.set_value(self._dark.value is not True)).props(
+                    'flat round aria-label="dark or light page"'
+                ).style("color: var(--quiet) !important")
+            self._sentence = ui.label().classes("swingid-say").props('aria-live="polite"')
+        self.entitle(title)
+        self.say(sentence)
+
+    def entitle(self, title: str) -> None:
+        """Another title, of the page and of its tab."""
+        with self.place:  # who asks may stand in what was taken away
+            ui.page_title(f"{title} · swingid" if title != "swingid" else title)
+        self._title.set_content(escaped(title))
+
+    def say(self, sentence: str) -> None:
+        """Another sentence."""
+        self._sentence.set_text(sentence)
 
 
-@dataclass(frozen=True, slots=True)
 class Step:
-    """One step of a page: its name in the code and the word on its tab."""
+    """One step: done (a tick and one line, folded), now (open), or later (grey, with what it waits for)."""
 
-    name: str
-    word: str
+    def __init__(self, number: int, word: str, waits: str, opened: Callable[[Step], Any]) -> None:
+        self.word, self.waits, self.number = word, waits, number
+        self.state = "later"
+        self._shown: tuple[str, str | None, bool | None] | None = None
+        with ui.element("section").classes("swingid-step later") as self.frame:
+            self.frame.props(f'aria-label="{word}"')
+            with ui.element("button").classes("swingid-step-head") as self.head:
+                self.head.props('type="button" aria-expanded="false" aria-disabled="true"')
+                self.mark = ui.label(str(number)).classes("swingid-step-mark")
+                with ui.element("span"):
+                    ui.label(word).classes("swingid-step-title").props('role="heading" aria-level=2')
+                    self.line = ui.label(waits).classes("swingid-step-line")
+            self.body = ui.column().classes("swingid-step-body")
+            self.body.set_visibility(False)
+        self.head.on("click", lambda: opened(self))
 
-
-def page_frame(title: str, *, rig: str) -> ui.header:
-    """Title, header and the style that every page has; dark or light as the system is, until a person chooses."""
-    ui.page_title(f"swingid · {title}")
-    ui.add_css(STYLE)
-    ui.colors(primary="#0072B2", negative="#D55E00", positive="#009E73", warning="#E69F00")
-    dark = ui.dark_mode(None)
-    with ui.header(wrap=False).classes("items-center justify-between py-1") as header:
-        with ui.column().classes("gap-0 min-w-0"):
-            ui.label(title).classes("text-lg font-semibold truncate max-w-full").props('role="heading" aria-level=1')
-            ui.label(f"rig file {rig}").classes("text-xs truncate max-w-full")
-        ui.button(icon="contrast", on_click=lambda: dark.set_value(dark.value is not True)).props(
-            'flat round color=white aria-label="dark or light page"'
-        )
-    return header
-
-
-@contextmanager
-def steps(
-    all_steps: Sequence[Step], shown: str | None = None
-) -> Iterator[tuple[Mapping[str, ui.tab], Mapping[str, ui.tab_panel]]]:
-    """Tabs of the steps, `shown` or the first one open, and their panels; one that must wait: see `ready`."""
-    with ui.tabs().classes("w-full").props("inline-label outside-arrows mobile-arrows no-caps") as tabs:
-        found = {step.name: ui.tab(step.name, f"{k + 1}. {step.word}") for k, step in enumerate(all_steps)}
-    with ui.tab_panels(tabs, value=shown or all_steps[0].name).classes("w-full").props("keep-alive animated=false"):
-        panels = {step.name: ui.tab_panel(step.name) for step in all_steps}
-    yield found, panels
-
-
-def ready(tab: ui.tab, is_ready: bool) -> None:
-    """Whether a step can be gone to."""
-    tab.props(remove="disable") if is_ready else tab.props("disable")
+    def show(self, state: str, line: str | None = None, *, is_open: bool | None = None) -> None:
+        """Its state ("done", "now", "later"), the line below its title, and whether it is open."""
+        if (state, line, is_open) == self._shown:
+            return
+        self._shown = state, line, is_open
+        self.state = state
+        is_open = state == "now" if is_open is None else is_open
+        self.frame.classes(replace=f"swingid-step {state}")
+        self.mark.set_text("✓" if state == "done" else str(self.number))
+        if line is not None or state == "later":
+            self.line.set_text(self.waits if line is None else line)
+        self.line.set_visibility(bool(self.line.text))
+        self.body.set_visibility(is_open)
+        self.head.props(f'aria-expanded="{"true" if is_open else "false"}"')
+        self.head.props(f'aria-disabled="{"true" if state == "later" else "false"}"')
 
 
-def heading(text: str) -> None:
-    """A heading within a step."""
-    ui.label(text).classes("text-lg font-semibold").props('role="heading" aria-level=2')
+def main_button(word: str, action: Callable[..., Any]) -> ui.button:
+    """The one button that offers what is next."""
+    made = ui.button(word, on_click=action, color=None).props("unelevated no-caps")
+    return made.classes("swingid-button swingid-main")
+
+
+def plain_button(word: str, action: Callable[..., Any]) -> ui.button:
+    """Any other button."""
+    return ui.button(word, on_click=action, color=None).props("flat no-caps").classes("swingid-button swingid-plain")
+
+
+def choice_button(word: str, chosen: bool, action: Callable[[], Any]) -> ui.element:
+    """One of several ways that stand side by side."""
+    with ui.element("button").classes("swingid-way") as made:
+        made.props(f'type="button" aria-pressed="{"true" if chosen else "false"}"')
+        ui.label(word)
+    return made.on("click", lambda: action())
 
 
 def said(place: ui.element, text: str) -> None:
     """A line in the place of what was there."""
     place.clear()
     with place:
-        ui.label(text).props('aria-live="polite"')
+        ui.label(text).classes("swingid-text").props('aria-live="polite"')
 
 
-def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> None:
-    """A plain table that a screen reader reads; it scrolls where a phone is narrower. numbers: columns not broken."""
-    with ui.element("div").classes("swingid-scroll"), ui.element("table").classes("swingid") as made:
-        made.props(f'aria-label="{caption}"')
-        with ui.element("thead"), ui.element("tr"):
-            for word in head:
-                with ui.element("th").props('scope="col"'):
-                    ui.label(word)
-        with ui.element("tbody"):
-            for row in rows:
-                with ui.element("tr"):
-                    for k, text in enumerate(row):
-                        with ui.element("td").classes("number" if k in numbers else ""):
-                            ui.label(text)
+def html(text: str, kind: str = "") -> ui.html:
+    """HTML of this program's own, of which all that others wrote went through `escaped`."""
+    return ui.html(text, sanitize=False).classes(kind)
 
 
-class Answers:
-    """Results of several methods in one table, each filled in when it is there."""
+def escaped(text: object) -> str:
+    """Text for HTML."""
+    from html import escape
 
-    def __init__(self, caption: str) -> None:
-        self.caption = caption
-        self.rows: dict[str, Sequence[str]] = {}
-        self.place = ui.column().classes("w-full")
-
-    def wait(self, methods: Iterable[str]) -> None:
-        """Empty rows for these methods."""
-        self.rows = dict.fromkeys(methods, (WAITS, "", "", ""))
-        self._draw()
-
-    def put(self, method: str, found: Mapping[str, Any]) -> None:
-        """The result of a method, as its JSON."""
-        self.rows[method] = answer_row(found)
-        self._draw()
-
-    def put_rest(self, found: Mapping[str, Any]) -> None:
-        """The same for all methods that have none."""
-        self.rows = {name: answer_row(found) if row[0] == WAITS else row for name, row in self.rows.items()}
-        self._draw()
-
-    def _draw(self) -> None:
-        self.place.clear()
-        head = ("method", "value ± standard uncertainty", "95 % interval", "status", "what it says")
-        with self.place:
-            table(self.caption, head, [(name, *row) for name, row in self.rows.items()], numbers=(1, 2))
+    return escape(str(text))
 
 
-def answer_row(found: Mapping[str, Any]) -> Sequence[str]:
-    """Value, interval, status and warnings of a result."""
-    said = " ".join(message["message"] for message in found["warnings"])
-    if found["error"] is not None or not found["parameters"]:
-        return ("–", "–", found["status"], found["error"]["message"] if found["error"] else said)
-    name, main = next(iter(found["parameters"].items()))
-    value, bounds = main["value"], main["interval95"]
-    shown = plus_minus(value, main["standard_uncertainty"], main["unit"])
-    within = interval(tuple(bounds), main["unit"], middle=value) if bounds else "–"
-    return (shown if name == "inertia" else f"{name} {shown}", within, found["status"], said)
+@contextmanager
+def more(word: str) -> Iterator[None]:
+    """What is shown on demand."""
+    with ui.element("details").classes("swingid-more"):
+        with ui.element("summary"):
+            ui.label(word).classes("inline")
+        with ui.column().classes("w-full gap-2"):
+            yield
+
+
+MARKS = {"ok": "✓", "note": "·", "unknown": "?", "advice": "i", "repair": "!", "fault": "✕"}
+"""Signs of the levels of checks, the worst last."""
+
+
+def findings(checks: Iterable[Mapping[str, Any]]) -> None:
+    """What an inspection found, the worst first: sign, title, sentence with what to do."""
+    levels = tuple(MARKS)
+    with ui.element("div").classes("w-full").props('role="list" aria-label="checks of the log"'):
+        for check in sorted(checks, key=lambda check: levels.index(check["level"]), reverse=True):
+            with ui.element("div").classes("swingid-finding").props('role="listitem"'):
+                ui.label(MARKS[check["level"]]).props(f'title="{check["level"]}"')
+                ui.label(check["title"]).classes("swingid-strong")
+                remedy = check["remedy"] if check["remedy"] and check["remedy"] not in check["evidence"] else ""
+                text = check["evidence"].rstrip(".")
+                ui.label(f"{text}: {remedy}." if remedy else f"{text}.").classes("swingid-text")

@@ -8,21 +8,29 @@ function unpacked(packed) {
   const bytes = Uint8Array.from(atob(packed.data), (letter) => letter.charCodeAt(0));
   const numbers = new Float32Array(bytes.buffer);
   const time = Array.from(numbers.subarray(0, packed.rows), (t) => t + packed.first);
-  const values = Array.from(numbers.subarray(packed.rows), (v) => (Number.isNaN(v) ? null : v));
+  const values = Array.from(numbers.subarray(packed.rows), (v) => (Number.isNaN(v) ? null : v + packed.middle));
   return [time, values];
 }
 
 export default {
   template: '<div class="swingid-plot" role="img" :aria-label="title"><div class="swingid-plot-title">{{ heading }}</div><div ref="place"></div></div>',
-  props: { title: String, lines: Array, limits: Array, window: Number, height: Number, pickable: Boolean, shown: Array },
+  props: { title: String, lines: Array, limits: Array, window: Number, height: Number, pickable: Boolean, shown: Array, parts: Array, band: Array },
+  data() {
+    return { power: 0 };
+  },
   watch: {
     shown(packed) {
       this.show(...packed);
     },
+    parts() {
+      this.plot?.redraw();
+    },
   },
   computed: {
     heading() {
-      return this.lines.length === 1 && this.lines[0].unit ? `${this.title}, ${this.lines[0].unit}` : this.title;
+      const unit = this.lines[0].unit;
+      const factor = this.power ? `10${String(this.power).replace("-", "⁻").replace(/\d/g, (d) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[d])} ` : "";
+      return unit || factor ? `${this.title}, in ${factor}${unit}`.trim() : this.title;
     },
   },
   async mounted() {
@@ -56,16 +64,17 @@ export default {
       if (this.plot && dark === this.was) return;
       this.was = dark;
       this.plot?.destroy();
-      const ink = dark ? "#d8dce0" : "#222222";
-      const grid = { stroke: dark ? "#3a4046" : "#e4e7ea", width: 1 };
-      const axis = { stroke: ink, grid, ticks: grid, font: "12px sans-serif" };
+      const look = getComputedStyle(document.body);
+      this.ink = (name) => look.getPropertyValue(`--${name}`).trim();
+      const grid = { stroke: this.ink("line"), width: 1 };
+      const axis = { stroke: this.ink("quiet"), grid, ticks: grid, font: "12px system-ui, sans-serif" };
       const bright = { "#0072B2": "#56B4E9", "#56B4E9": "#9ad4f5" };
       const series = this.lines.map((line, k) => ({
         label: line.unit ? `${line.label}, ${line.unit}` : line.label,
         stroke: dark ? bright[line.colour] || line.colour : line.colour,
         dash: line.points ? undefined : DASHES[k % DASHES.length],
         width: line.points ? 0 : 1.4,
-        points: { show: line.points, size: 6, fill: dark ? bright[line.colour] || line.colour : line.colour },
+        points: { show: line.points, size: k % 2 ? 6 : 5, width: k % 2 ? 1.5 : 0, fill: k % 2 ? this.ink("ground") : dark ? bright[line.colour] || line.colour : line.colour },
         paths: line.points ? () => null : undefined,
         spanGaps: false,
         value: (_, v) => (v == null ? "–" : v.toPrecision(4)),
@@ -74,11 +83,14 @@ export default {
         {
           width: Math.max(this.$refs.place.clientWidth, 200),
           height: this.height,
-          legend: { show: this.lines.length > 1 || this.lines[0].points, live: true },
-          cursor: { drag: { x: true, y: false, setScale: false } },
-          select: { show: this.pickable },
+          legend: { show: true, live: true },
+          cursor: { drag: { x: true, y: false, setScale: !this.pickable } },
+          select: { show: true },
           scales: { x: { time: false }, y: { range: (_, low, high) => this.range(low, high) } },
-          axes: [{ ...axis, size: 34, values: (_, ticks) => this.ticks(ticks).map((t, k) => (k === ticks.length - 1 ? `${t} s` : t)) }, { ...axis, size: (_, values) => Math.max(62, 24 + 7 * Math.max(0, ...(values || []).map((v) => v.length))), values: (_, ticks) => this.ticks(ticks) }],
+          axes: [
+            { ...axis, size: 34, space: 56, values: (_, ticks) => this.ticks(ticks, 0).map((t, k) => (k === ticks.length - 1 ? `${t} s` : t)) },
+            { ...axis, space: Math.min(32, this.height / 6), size: (_, values) => Math.max(56, 24 + 7.5 * Math.max(0, ...(values || []).map((v) => v.length))), values: (_, ticks) => this.values(ticks) },
+          ],
           series: [{ label: "time, s", value: (_, v) => (v == null ? "–" : v.toFixed(3)) }, ...series],
           hooks: { draw: [(plot) => this.drawn(plot)], setSelect: [(plot) => this.picked(plot)] },
         },
@@ -86,18 +98,20 @@ export default {
         this.$refs.place
       );
     },
-    ticks(ticks) {
-      const step = ticks.length > 1 ? Math.abs(ticks[1] - ticks[0]) : 1;
-      const digits = Math.min(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)), 12);
+    values(ticks) {
+      // one power of ten for all ticks, which the heading states: no digit of a tick is lost
       const large = Math.max(...ticks.map(Math.abs));
-      if (large && (large < 1e-2 || large >= 1e5)) {
-        const spare = Math.max(0, Math.floor(Math.log10(large)) - Math.floor(Math.log10(step)));
-        return ticks.map((v) => (v === 0 ? "0" : v.toExponential(Math.min(spare, 6))));
-      }
-      return ticks.map((v) => v.toFixed(digits));
+      this.power = large && (large < 1e-2 || large >= 1e5) ? 3 * Math.floor(Math.log10(large) / 3) : 0;
+      return this.ticks(ticks, this.power);
+    },
+    ticks(ticks, power) {
+      const step = ticks.length > 1 ? Math.abs(ticks[1] - ticks[0]) * 10 ** -power : 1;
+      let digits = Math.min(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)), 12);
+      if (Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6) digits += 1; // steps of 2.5
+      return ticks.map((v) => (v * 10 ** -power).toFixed(digits));
     },
     range(low, high) {
-      const levels = this.limits || [];
+      const levels = [...(this.limits || []), ...(this.band || [])];
       const all = [low, high, ...levels].filter((v) => v != null && Number.isFinite(v));
       if (!all.length) return [-1, 1];
       const [from, to] = [Math.min(...all), Math.max(...all)];
@@ -144,16 +158,21 @@ export default {
       this.channels = this.lines.map(() => [[], []]);
       this.plot.setData(this.aligned());
     },
-    shade(from, to) {
-      if (this.later("shade", [from, to])) return;
-      this.part = [from, to];
-      this.plot.redraw();
-    },
     drawn(plot) {
       const { left, top, width, height } = plot.bbox;
       const draw = plot.ctx;
       draw.save();
-      draw.strokeStyle = this.was ? "#ff8a5c" : "#D55E00";
+      const inside = (v, low, high) => Math.min(Math.max(v, low), high);
+      const at = (level) => inside(plot.valToPos(level, "y", true), top, top + height);
+      if (this.band) {
+        const [low, middle, high] = this.band.map(at);
+        draw.fillStyle = this.ink("green");
+        draw.globalAlpha = 0.22;
+        draw.fillRect(left, high, width, low - high);
+        draw.globalAlpha = 1;
+        draw.fillRect(left, middle - 1, width, 2);
+      }
+      draw.strokeStyle = this.ink("quiet");
       draw.setLineDash([6, 4]);
       for (const level of this.limits || []) {
         const y = plot.valToPos(level, "y", true);
@@ -163,12 +182,12 @@ export default {
         draw.lineTo(left + width, y);
         draw.stroke();
       }
-      if (this.part) {
-        draw.fillStyle = this.was ? "rgba(0,0,0,0.55)" : "rgba(118,118,118,0.28)";
-        const begin = Math.min(Math.max(plot.valToPos(this.part[0], "x", true), left), left + width);
-        const end = Math.min(Math.max(plot.valToPos(this.part[1], "x", true), left), left + width);
-        draw.fillRect(left, top, begin - left, height);
-        draw.fillRect(end, top, left + width - end, height);
+      if (this.parts?.length) {
+        draw.fillStyle = this.was ? "rgba(0,0,0,0.6)" : "rgba(118,118,118,0.3)";
+        const edges = this.parts.flat().map((t) => inside(plot.valToPos(t, "x", true), left, left + width));
+        const from = [left, ...edges.filter((_, k) => k % 2)];
+        const to = [...edges.filter((_, k) => k % 2 === 0), left + width];
+        from.forEach((x, k) => to[k] > x && draw.fillRect(x, top, to[k] - x, height));
       }
       draw.restore();
     },

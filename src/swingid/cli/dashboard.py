@@ -9,17 +9,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from swingid.cli import output
-from swingid.cli.options import RigFile
 from swingid.errors import UsageError
 from swingid.system import END_SIGNALS
-
-if TYPE_CHECKING:
-    from swingid.model.rig import Rig
 
 TOKEN = "SWINGID_TOKEN"
 
@@ -28,9 +24,12 @@ HELD = 1.0
 
 
 def dashboard(
-    rig: RigFile,
+    rig: Annotated[
+        str | None,
+        typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name; without --log its live page."),
+    ] = None,
     log: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Show this log: findings, all methods, effect of constants.")
+        list[str] | None, typer.Option(metavar="FILE", help="Begin with this log; repeatable. Else drop one there.")
     ] = None,
     device: Annotated[
         str | None,
@@ -47,12 +46,14 @@ def dashboard(
     port: Annotated[int, typer.Option(metavar="PORT", min=1, max=65535, help="The next free one is taken.")] = 8080,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
-    """Serve a page in the browser until Ctrl-C: a live rig step by step, or a log with all methods side by side.
+    """Serve a page in the browser until Ctrl-C: from a log to its number step by step, or beside a live rig.
+
+    Without --rig it takes a log: drop one there, or begin with --log. With --rig alone it is the page of the live rig.
 
     The page is for this machine alone, unless --host is another address or --allow-host is given; then it needs the
     token that is printed, or the one in $SWINGID_TOKEN. Ctrl-C stops a run softly and says what is kept (exit code 0).
     """
-    if log is not None and device is not None:
+    if log and device is not None:
         raise UsageError("--log and --device are two different pages; give one of them", code="contradiction")
     if find_spec("nicegui") is None:
         text = "the page needs the package nicegui; run: pip install 'swingid[app]'"
@@ -63,8 +64,13 @@ def dashboard(
     from swingid.app.server import free_port
     from swingid.model.rig import Rig
 
-    plant = Rig.load(rig)
-    _require_log(log, plant) if log is not None else _require_live(folder)
+    if rig is None and device is not None:
+        raise UsageError("--device needs the rig file that belongs to it; give --rig", code="missing-option")
+    plant = None if rig is None else Rig.load(rig)
+    for each in log or ():
+        _require_log(each)
+    if plant is not None and not log:
+        _require_live(folder)
     if not host.strip():
         raise UsageError("--host is empty; give an address of this machine, or 0.0.0.0 for all", code="out-of-range")
     # a proxy lets others in, too
@@ -72,8 +78,9 @@ def dashboard(
     place = Place(host, free_port(host, port), token, tuple(allow_host or ()))
     from swingid.app.dashboard import LiveDashboard, LogDashboard
 
-    address = device if device is not None else plant.device.address or ""
-    page = LogDashboard(log, rig) if log is not None else LiveDashboard(address, rig, Path(folder))
+    page: LogDashboard | LiveDashboard = LogDashboard(log or (), plant)
+    if rig is not None and plant is not None and not log:
+        page = LiveDashboard(device if device is not None else plant.device.address or "", rig, Path(folder))
     with _ended_by_signals():
         output.tell(f"the page is {place.address}\nCtrl-C ends it")
         page.serve(place, show=browser)
@@ -103,16 +110,17 @@ def _ended_by_signals() -> Iterator[None]:
             signal.signal(number, signal.SIG_IGN)
 
 
-def _require_log(log: str, rig: Rig) -> None:
+def _require_log(log: str) -> None:
     """Raise where there is no page of this log."""
+    from swingid.recording.formats import read_table
     from swingid.recording.large import is_large
-    from swingid.recording.recording import Recording
+    from swingid.recording.load import read_bytes
 
     output.check_files({log: "the log"})
     if is_large(log):
         text = f"{log} is too large for a page; identify it, or show a part of it that you saved to a file of its own"
         raise UsageError(text, code="too-large")
-    Recording.load(log, rig)
+    read_table(read_bytes(log), log)  # what the rig file has against it the page says, and mends
 
 
 def _require_live(folder: str) -> None:

@@ -36,7 +36,7 @@ GROUPS: dict[str, list[tuple[Command, str]]] = {
         (identify, "The inertia and the friction that the log shows"),
         (compare, "All methods on the same logs"),
         (validate, "How well a result predicts other logs"),
-        (dashboard, "The same in the browser"),
+        (dashboard, "All of this in the browser: drop a log there"),
         (difference, "A body's inertia: with it less without it"),
         (tensor, "A body's inertia tensor from several axes"),
         (calibrate, "The motor's constants, or the encoders' errors"),

@@ -1,0 +1,98 @@
+"""The step Keep: report, rig.toml, result, the same in five lines of Python and as a notebook."""
+
+from __future__ import annotations
+
+import json
+import shlex
+
+from nicegui import ui
+
+from swingid.app.analysis import Analyst, Case, answered, reported
+from swingid.app.draft import Draft, case_of
+from swingid.app.parts import escaped, html, plain_button
+from swingid.errors import SwingidError
+from swingid.methods.table import DEFAULT, METHODS
+
+
+class Keep:
+    """Content of the step."""
+
+    def __init__(self, analyst: Analyst, draft: Draft) -> None:
+        self.analyst, self.draft = analyst, draft
+
+    def show(self) -> None:
+        """A button for each file, and the lines of Python."""
+        case = case_of(self.draft)
+        with ui.element("div").classes("swingid-chips"):
+            self.method = ui.select(list(METHODS), value=DEFAULT, label="method").classes("w-44")
+            self.method.props("dense outlined")
+            plain_button("Report, PDF", lambda: self._report(".pdf"))
+            plain_button("Report, HTML", lambda: self._report(".html"))
+            plain_button("rig.toml", lambda: ui.download.content(case.rig, "rig.toml"))
+            plain_button("Result, JSON", self._result)
+            plain_button("Notebook", lambda: ui.download.content(notebook(case), "swingid.ipynb"))
+        ui.label("The same in Python").classes("swingid-strong")
+        html(f'<pre class="swingid-code" aria-label="Python">{escaped(five_lines(case))}</pre>', "w-full")
+        if len(case.parts) < 2:
+            ui.label("and in a terminal").classes("swingid-strong")
+            html(f'<pre class="swingid-code">{escaped(command(case))}</pre>', "w-full")
+
+    async def _report(self, ending: str) -> None:
+        try:
+            content = await self.analyst.do(reported, case_of(self.draft), str(self.method.value), {}, ending)
+        except SwingidError as error:
+            ui.notify(error.message, type="warning")
+        else:
+            ui.download.content(content, f"report{ending}")
+
+    async def _result(self) -> None:
+        found = await self.analyst.do(answered, case_of(self.draft), str(self.method.value), {})
+        text = json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        ui.download.content(text, "result.json")
+
+
+def five_lines(case: Case) -> str:
+    """Python that reads the logs beside rig.toml and gives the same result; of several parts one after the other."""
+    names = [json.dumps(name, ensure_ascii=False) for name, _ in case.logs]
+    lines = ["import swingid as sw", 'rig = sw.Rig.load("rig.toml")']
+    if len(names) > 1:
+        lines.append(f"log = [sw.Recording.load(name, rig) for name in ({', '.join(names)})]")
+    else:
+        lines.append(f"log = sw.Recording.load({names[0]}, rig)")
+    if len(case.parts) > 1:
+        lines.append(f"for start, stop in {[tuple(part) for part in case.parts]!r}:")
+        return "\n".join([*lines, "    print(sw.identify(log.segment(start, stop), rig).summary())"]) + "\n"
+    used = "log.segment({!r}, {!r})".format(*case.parts[0]) if case.parts else "log"
+    more = f", added={list(case.added)!r}" if case.added else ""
+    return "\n".join([*lines, f"result = sw.identify({used}, rig{more})", "print(result.summary())"]) + "\n"
+
+
+def command(case: Case) -> str:
+    """The same in a terminal."""
+    words = ["swingid", "identify", *(shlex.quote(name) for name, _ in case.logs), "--rig", "rig.toml"]
+    words += [f"--part {start!r}:{stop!r}" for start, stop in case.parts]
+    return " ".join([*words, *(f"--added {shlex.quote(one)}" for one in case.added)])
+
+
+def notebook(case: Case) -> str:
+    """The same as a Jupyter notebook that writes rig.toml first."""
+    parts = five_lines(case).splitlines()
+    cells = [
+        _cell(
+            "markdown", "# Moment of inertia, by swingid\n\nThe log lies beside this notebook; `pip install swingid`."
+        ),
+        _cell("code", f"%%writefile rig.toml\n{case.rig}"),
+        _cell("code", "\n".join(parts)),
+    ]
+    if len(case.parts) < 2:
+        cells.append(_cell("code", "result.plot();"))
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    whole = {"cells": cells, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
+    for number, cell in enumerate(cells):
+        cell["id"] = f"cell-{number}"
+    return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+
+
+def _cell(kind: str, source: str) -> dict[str, object]:
+    own: dict[str, object] = {"outputs": [], "execution_count": None} if kind == "code" else {}
+    return {"cell_type": kind, "metadata": {}, "source": source, **own}

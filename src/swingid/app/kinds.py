@@ -1,0 +1,237 @@
+"""The kinds of rigs that the page offers, and what each needs to be known: questions in words, ways to answer them.
+
+An answer is a set of values at dotted keys of rig.toml; "not known" is one of the ways, and says what it costs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One value to be typed: its key in rig.toml, words, and an example; options: values to choose from, by words."""
+
+    key: str
+    words: str
+    example: str = ""
+    options: Mapping[str, int | str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A way to answer a question: fields to fill in, values that follow at once, what it costs ("" for nothing)."""
+
+    words: str
+    fields: tuple[Field, ...] = ()
+    values: Mapping[str, object] = field(default_factory=dict)
+    cost: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What is to be known, where it is measured, and the ways to answer; the first way is offered."""
+
+    name: str
+    words: str
+    where: str
+    ways: tuple[Way, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of rig: its title, one sentence, its drawing (name, part of its width), channels, and questions.
+
+    needs: a channel of each of these sets must be there. fixed: values at keys of rig.toml that it implies.
+    """
+
+    name: str
+    title: str
+    words: str
+    picture: tuple[str, float, float]
+    drive: str
+    questions: tuple[Question, ...]
+    needs: tuple[tuple[str, ...], ...] = (("angle", "angle_speed"),)
+    fixed: Mapping[str, object] = field(default_factory=dict)
+    linear: bool = False
+
+    def missing(self, columns: Mapping[str, str]) -> tuple[str, ...]:
+        """The channels of which one is needed and none has a column."""
+        return next((some for some in self.needs if not any(columns.get(role) for role in some)), ())
+
+
+ENCODERS: Mapping[str, int | str] = {
+    "12 bit, as AS5600, MT6701, Dynamixel (4096)": 4096,
+    "14 bit, as AS5047, AS5048 (16384)": 16384,
+    "10 bit (1024)": 1024,
+    "500 lines, read fourfold (2000)": 2000,
+    "600 lines, read fourfold (2400)": 2400,
+    "1000 lines, read fourfold (4000)": 4000,
+    "2048 lines, read fourfold (8192)": 8192,
+    "2500 lines, read fourfold (10000)": 10000,
+    "17 bit (131072)": 131072,
+    "20 bit (1048576)": 1048576,
+}
+"""Steps per turn of encoders by name."""
+
+
+def _encoder(name: str, table: str, words: str) -> Question:
+    key = f"{table}.counts_per_turn"
+    return Question(
+        name,
+        words,
+        "On its label or in its data sheet. Lines of an incremental encoder count fourfold.",
+        (
+            Way("not known", cost="Its steps are estimated from the log; its bending is not in the interval."),
+            Way("from a list", (Field(key, "encoder", options=ENCODERS),)),
+            Way("counts per turn", (Field(key, "counts per turn", "4096"),)),
+        ),
+    )
+
+
+BALANCED = Way("balanced", values={"axis.gravity_torque": 0}, cost="The axis goes through the centre of mass.")
+
+
+def _gravity(cost: str, *more: Way) -> Question:
+    return Question(
+        "gravity",
+        "Weight of the body, times its distance from the axis",
+        "Weigh the body; balance it on an edge for the distance of its centre of mass from the axis. "
+        "Or hold it level on a scale.",
+        (
+            Way("mass and distance", (
+                Field("axis.mass", "mass m", "147.6 ± 0.2 g"),
+                Field("axis.lever", "axis to centre of mass l", "147.8 ± 0.5 mm"),
+            )),
+            Way("product m g l", (Field("axis.gravity_torque", "m g l", "78 ± 0.4 mN m"),)),
+            *more,
+            Way("not known", values={"axis.gravity_torque": "unknown"}, cost=cost),
+        ),
+    )  # fmt: skip
+
+
+def _value(name: str, words: str, where: str, key: str, example: str, cost: str, unknown: str = "unknown") -> Question:
+    values = {key: unknown} if unknown else {}
+    ways = Way("value", (Field(key, words, example),)), Way("not known", values=values, cost=cost)
+    return Question(name, words, where, ways)
+
+
+RATIO = "The answer is a ratio to it, not in kg m²."
+FREE_UNKNOWN = "The answer is m g l over the inertia, not kg m²."
+DRIVEN_UNKNOWN = "It is identified with the inertia; that needs motions of two frequencies, and the interval is wider."
+ENCODER = _encoder("encoder", "sensors", "Encoder of the body")
+
+HELD = Question(
+    "held", "What the column of the torque holds", "A command acts until the next row; a reply is measured.",
+    (Way("commanded", values={"log.drive_held": True}), Way("measured", values={"log.drive_held": False})),
+)  # fmt: skip
+
+KINDS = (
+    Kind("wheel", "A driven wheel on a pendulum", "A motor turns a wheel; its reaction swings the body.",
+         ("driven-wheel", 0, 1), "reaction-wheel", (
+             _value("wheel", "Moment of inertia of the wheel", "About its own axis. A disc has m r²/2: weigh it, and "
+                    "measure its radius.", "drive.wheel.inertia", "1134 ± 5 g cm²", RATIO),
+             _gravity(DRIVEN_UNKNOWN, BALANCED),
+             Question("relative", "What the wheel's sensor measures", "A sensor on the body sees the wheel turn "
+                      "relative to the body.", (
+                          Way("relative to the body", values={"log.wheel_angle_is": "relative"}),
+                          Way("against the room", values={"log.wheel_angle_is": "absolute"}))),
+             ENCODER, _encoder("wheel-encoder", "sensors.wheel", "Encoder of the wheel")),
+         (("angle",), ("wheel_angle", "wheel_speed"))),
+    Kind("free", "A free pendulum", "Lifted, let go, swings until it rests.", ("free-pendulum", 0, 1), "none",
+         (_gravity(FREE_UNKNOWN), ENCODER)),
+    Kind("wire", "A body on a wire", "Hangs on a wire and twists about the vertical.", ("strings", 0, 0.3), "none", (
+        _value("stiffness", "Stiffness of the wire", "Torque per angle, from a known body or from a torque.",
+               "axis.stiffness", "1.20 ± 0.01 mN m/rad", "The answer is the stiffness over the inertia."), ENCODER),
+         fixed={"axis.gravity_torque": 0}),
+    Kind("bifilar", "A body on two strings", "Twists about the vertical; strings of equal length.",
+         ("strings", 0.3, 0.36), "none", (
+             _value("mass", "Mass of all that hangs", "Weigh it with what carries it.", "axis.bifilar.mass",
+                    "2.10 ± 0.01 kg", "The answer is a ratio to the mass."),
+             Question("length", "Length of the strings", "From clamp to clamp.",
+                      (Way("value", (Field("axis.bifilar.length", "length", "1.000 ± 0.002 m"),)),)),
+             Question("distance", "Distance of the strings", "At the body; above it is the same.",
+                      (Way("value", (Field("axis.bifilar.distance", "distance", "450 ± 1 mm"),)),)), ENCODER)),
+    Kind("trifilar", "A body on three strings", "Twists about the vertical; strings on a circle.",
+         ("strings", 0.66, 0.34), "none", (
+             _value("mass", "Mass of all that hangs", "Weigh it with what carries it.", "axis.trifilar.mass",
+                    "2.10 ± 0.01 kg", "The answer is a ratio to the mass."),
+             Question("length", "Length of the strings", "From clamp to clamp.",
+                      (Way("value", (Field("axis.trifilar.length", "length", "1.000 ± 0.002 m"),)),)),
+             Question("radius", "Radius of the circle on which the strings hold the body", "From its middle.",
+                      (Way("value", (Field("axis.trifilar.radius", "radius", "150 ± 0.5 mm"),)),)), ENCODER)),
+    Kind("direct", "A known torque on the axis", "A motor whose torque is logged swings the body.",
+         ("direct", 0, 1), "direct", (
+             _value("gain", "Torque per unit of its column", "1 where the column is in N m; else from a lever on a "
+                    "scale.", "log.torque_gain", "1 ± 0.02", "It is found from m g l, if that is stated."),
+             HELD, _gravity(DRIVEN_UNKNOWN, BALANCED), ENCODER), (("angle", "angle_speed"), ("torque",))),
+    Kind("servo", "A motor on the axis", "Servo, gimbal, QUBE: its voltage or pulse width is known.",
+         ("servo", 0, 1), "motor", (
+             _gravity("Then torque per volt must be known.", BALANCED),
+             _value("motor", "Torque per volt at the axis", "Gear included; from the data sheet: N k/R.",
+                    "drive.motor.torque_per_volt", "0.14 ± 0.01 N m/V", "It is identified; m g l must be stated.", ""),
+             _value("volts", "Volts per unit of the column", "1 where the column is in V; of pulse widths the supply "
+                    "over the largest number.", "log.voltage_scale", "12 ± 0.1 V / 255",
+                    "The column is taken as volts.", ""), ENCODER),
+         (("angle", "angle_speed"), ("voltage",))),
+    Kind("flywheel", "A flywheel that runs down", "Balanced; spun up and let go.", ("flywheel", 0, 1), "none",
+         (ENCODER,), fixed={"axis.gravity_torque": 0}),
+    Kind("cart", "A carriage on a rail", "A known force moves it to and fro.", ("cart", 0, 1), "direct", (
+        _value("gain", "Force per unit of its column", "1 where the column is in N.", "log.torque_gain",
+               "35.15 ± 0.1", "The answer is this gain over the mass."), HELD),
+         (("angle", "angle_speed"), ("torque",)), linear=True),
+)  # fmt: skip
+"""All kinds, in the order of docs/which-rig.md."""
+
+
+def kind_of(name: str) -> Kind:
+    """The kind of this name; KeyError for none."""
+    return {kind.name: kind for kind in KINDS}[name]
+
+
+def likely(columns: Mapping[str, str], *, linear: bool, returns: bool = True) -> str:
+    """The name of the kind that the channels suggest; returns: whether the motion goes to and fro."""
+    if linear:
+        return "cart"
+    if columns.get("wheel_angle") or columns.get("wheel_speed"):
+        return "wheel"
+    if columns.get("torque"):
+        return "direct"
+    if columns.get("voltage"):
+        return "servo"
+    return "free" if returns else "flywheel"
+
+
+def kind_of_rig(rig: Any) -> str:
+    """The kind of a Rig."""
+    drive, axis = rig.drive.kind, rig.axis
+    if axis.kind == "linear":
+        return "cart"
+    if drive != "none":
+        return {"reaction-wheel": "wheel", "direct": "direct", "motor": "servo"}[drive]
+    for name in ("bifilar", "trifilar"):
+        if getattr(axis, name) is not None:
+            return name
+    if getattr(axis, "stiffness", None) is not None:
+        return "wire"
+    balanced = not isinstance(axis.gravity_torque, str) and axis.gravity_torque.value == 0
+    return "flywheel" if balanced else "free"
+
+
+@cache
+def drawing(name: str, left: float = 0.0, width: float = 1.0) -> str:
+    """A drawing of a rig (or a part of its width) as SVG without a style of its own: that of the page colours it."""
+    here = Path(__file__).resolve()
+    places = here.with_name("rigs"), here.parents[3] / "docs" / "images" / "rigs"  # of a wheel, of the repository
+    text = next(place / f"{name}.svg" for place in places if place.is_dir()).read_text(encoding="utf-8")
+    inner = text[text.index("</style>") + len("</style>") :]
+    box = text.split('viewBox="', 1)[1].split('"', 1)[0].split()
+    whole = float(box[2])
+    view = f"{left * whole:g} {box[1]} {width * whole:g} {box[3]}"
+    x, y, wide, high = view.split()
+    cut = f'<svg x="{x}" y="{y}" width="{wide}" height="{high}" viewBox="{view}">{inner}'  # its own ends hide the rest
+    return f'<svg class="swingid-rig" viewBox="{view}" aria-hidden="true">{cut}</svg>'

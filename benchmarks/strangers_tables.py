@@ -30,6 +30,15 @@ KINDS = (
 UNUSABLE = "unusable log"
 """What `unusable` of an entry says: the log lacks what its rig file names; the right answer is a refusal."""
 
+PARTS = {
+    "first series, open": {(1, False)},
+    "first series, held out": {(1, True)},
+    "second series, open": {(2, False)},
+    "second series, held out": {(2, True)},
+    "second series, all": {(2, False), (2, True)},
+}
+"""Series and halves of the suite. The second one was run once before anybody looked at its answers."""
+
 FEWEST = 3
 """Answers of one body that make a spread; two have a single difference."""
 
@@ -84,18 +93,12 @@ def _count(number: int) -> str:
 def shares(rows: Rows, entries: Entries) -> Iterator[tuple[str, ...]]:
     """Of the "ok" answers to usable logs, the share that meets the evidence; its interval by Clopper and Pearson."""
     yield ("logs", "method", "answers", "ok", "of these hold", "share that holds", "95 % interval", "off by, worst")
-    for series in (1, 2):
-        for held_out in (False, True):
-            names = {
-                name
-                for name, entry in entries.items()
-                if (entry.get("series", 1), entry["held_out"]) == (series, held_out) and "unusable" not in entry
-            }
-            of = [row for row in rows if row["log"] in names]
-            label = f"{'first' if series == 1 else 'second'} series, {'held out' if held_out else 'open'}"
-            for method in dict.fromkeys(row["method"] for row in of if row["method"] != "reading"):
-                found = [row for row in of if row["method"] == method]
-                yield (label, method, str(len(found)), *_share(row for row in found if row["status"] == "ok"))
+    for label, halves in PARTS.items():
+        names = {n for n, e in entries.items() if (e.get("series", 1), e["held_out"]) in halves and "unusable" not in e}
+        of = [row for row in rows if row["log"] in names and row["method"] != "reading"]
+        for method in dict.fromkeys(row["method"] for row in of):
+            found = [row for row in of if row["method"] == method]
+            yield (label, method, str(len(found)), *_share(row for row in found if row["status"] == "ok"))
 
 
 def _share(rows: Iterable[dict[str, Any]]) -> tuple[str, ...]:

@@ -54,7 +54,9 @@ def test_the_interval_of_a_share_is_exact(hits, of, low, high):
 def test_shares_count_ok_answers_to_usable_logs():
     entries = dict.fromkeys("abc", ENTRY) | {"d": ENTRY | {"unusable": "no drive"}}
     rows = [row("a"), row("b", verdict="misses", by=1.5), row("c", "warning"), row("d", verdict="misses", by=9.0)]
-    head, only = TABLES["shares"](rows, entries)
+    head, *parts = TABLES["shares"](rows, entries)
+    only = parts[0]
+    assert [part[0] for part in parts] == ["second series, held out", "second series, all"]
     found = dict(zip(head, only, strict=True))
     assert (found["answers"], found["ok"], found["of these hold"], found["off by, worst"]) == (
         "3",

@@ -93,9 +93,19 @@ def found(result: sw.Result, entry: dict[str, Any]) -> dict[str, Any]:
     if name not in result.parameters:
         return {"verdict": "another quantity", "text": f"no {name} among {', '.join(result.parameters)}"}
     one = result.parameters[name]
-    own = [e.standard_uncertainty for e in result.budget if e.parameter == name and e.shared_id is None]
-    row = {"value": one.value, "interval": one.interval95, "own": math.hypot(*own), "u": one.standard_uncertainty}
+    row = {"value": one.value, "interval": one.interval95} | contributions(result, name)
     return row | verdict(one.value, one.interval95, entry["evidence"])
+
+
+def contributions(result: sw.Result, name: str) -> dict[str, Any]:
+    """What a parameter has of its own, as a standard uncertainty, and what of constants that logs share, signed."""
+    own, shared = 0.0, dict[str, float]()
+    for entry in result.budget:
+        if entry.parameter == name and entry.shared_id is None:
+            own = math.hypot(own, entry.standard_uncertainty)
+        elif entry.parameter == name:
+            shared[entry.shared_id] = math.copysign(entry.standard_uncertainty, entry.sensitivity or 1.0)
+    return {"own": own, "shared": shared}
 
 
 def verdict(value: float, interval: tuple[float, float] | None, evidence: list[float]) -> dict[str, Any]:

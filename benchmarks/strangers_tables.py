@@ -124,11 +124,10 @@ def interval(hits: int, of: int) -> tuple[float, float]:
 
 
 def repeats(rows: Rows, entries: Entries) -> Iterator[tuple[str, ...]]:
-    """The spread of "ok" answers of one body against what each does not share with the others, by body and method.
+    """The spread of "ok" answers of one body against their budgets, by body and method.
 
-    chi-squared is the sum of ((value − weighted mean)/u)² with u of all contributions without a physical quantity
-    that the logs of a rig have in common (`shared_id`); per degree of freedom it lies within its 95 % range if these
-    contributions are right and independent between the logs.
+    chi-squared is that of the differences from the generalised mean, with the covariance of the answers: what each has
+    of its own, and what constants of the rig file (`shared_id`) do to all, which cancels as far as they do it alike.
     """
     yield ("body", "method", "logs", "mean", "spread", "median u", "χ²/ν", "95 % range", "")
     groups = defaultdict(list)
@@ -139,8 +138,8 @@ def repeats(rows: Rows, entries: Entries) -> Iterator[tuple[str, ...]]:
     for (name, method), own in groups.items():
         if len(own) < FEWEST:
             continue
-        mean, ratio, low, high = spread(np.array([row["value"] for row in own]), np.array([row["own"] for row in own]))
-        values = np.array([row["value"] for row in own])
+        values, covariance = np.array([row["value"] for row in own]), _covariance(own)
+        mean, ratio, low, high = spread(values, covariance)
         yield (
             name,
             method,
@@ -154,16 +153,24 @@ def repeats(rows: Rows, entries: Entries) -> Iterator[tuple[str, ...]]:
         )
 
 
+def _covariance(rows: Rows) -> np.ndarray:
+    sources = dict.fromkeys(name for row in rows for name in row.get("shared", {}))
+    shared = np.array([[row.get("shared", {}).get(name, 0.0) for name in sources] for row in rows])
+    own = np.diag([row["own"] ** 2 for row in rows])
+    return own + (shared @ shared.T if sources else 0.0)
+
+
 def body(entry: dict[str, Any]) -> str:
     """Name of what was measured: logs of it are repeats."""
     low, high = entry["evidence"]
     return str(entry.get("body") or f"{Path(entry['rig']).stem} [{low:g}, {high:g}]")
 
 
-def spread(values: np.ndarray, u: np.ndarray) -> tuple[float, float, float, float]:
-    """Weighted mean, chi-squared per degree of freedom, and the 95 % range of the latter."""
-    weights = u**-2.0
-    mean = float(np.sum(weights * values) / np.sum(weights))
+def spread(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float, float, float]:
+    """Generalised mean, chi-squared of the differences per degree of freedom, and the 95 % range of the latter."""
+    weights = np.linalg.solve(covariance, np.ones(len(values)))
+    mean = float(weights @ values / np.sum(weights))
+    off = values - mean
     freedom = len(values) - 1
     low, high = chi2.ppf([0.025, 0.975], freedom) / freedom
-    return mean, float(np.sum(weights * (values - mean) ** 2) / freedom), float(low), float(high)
+    return mean, float(off @ np.linalg.solve(covariance, off) / freedom), float(low), float(high)

@@ -74,12 +74,24 @@ def test_unusable_logs_have_rows_of_their_own():
 
 def test_the_spread_of_repeats_has_the_distribution_of_chi_squared():
     rng = np.random.default_rng(3)
-    u = np.array([1.0, 2.0, 0.5, 1.0, 1.5])
-    drawn = [TABLES["spread"](10 + u * rng.standard_normal(5), u) for _ in range(2000)]
+    u, common = np.array([1.0, 2.0, 0.5, 1.0, 1.5]), np.array([3.0, 3.0, 3.0, -3.0, 0.0])
+    covariance = np.diag(u**2) + np.outer(common, common)
+    drawn = [
+        TABLES["spread"](10 + u * rng.standard_normal(5) + common * rng.standard_normal(), covariance)
+        for _ in range(2000)
+    ]
     ratios = np.array([ratio for _, ratio, _, _ in drawn])
     _, _, low, high = drawn[0]
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.07)  # sqrt(2/4)/sqrt(2000) = 0.016
     assert np.mean((ratios < low) | (ratios > high)) == pytest.approx(0.05, abs=0.02)
+
+
+def test_a_constant_that_acts_alike_on_all_does_not_widen_the_spread():
+    entries = dict.fromkeys("abc", ENTRY)
+    rows = [row(name, value=1.0 + 0.1 * k, own=0.1) for k, name in enumerate("abc")]
+    _, alone = TABLES["repeats"](rows, entries)
+    _, shared = TABLES["repeats"]([one | {"shared": {"gain": 0.5}} for one in rows], entries)
+    assert shared == alone
 
 
 def test_repeats_are_ok_answers_of_one_body():

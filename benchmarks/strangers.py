@@ -3,9 +3,12 @@
     python benchmarks/strangers.py [NAME...] [--methods momentum,energy] [--held-out | --all] [--data DIR] [--json FILE]
 
 The logs are listed in `strangers/logs.d/*.toml`, each with its address, checksum, rig file and evidence (`how` says
-what from). They are no part of the project: a file is taken from --data (default $SWINGID_STRANGERS, else a folder
-of the user's cache), as SHA256.ENDING, and downloaded there where it is missing. `held_out` logs were set aside
-before anything was tuned and are run only with --held-out or --all.
+what from; of the parameter `quantity`, by default the one that the result is about). They are no part of the project:
+a file is taken from --data (default $SWINGID_STRANGERS, else a folder of the user's cache), as SHA256.ENDING, and
+downloaded there where it is missing. `held_out` logs were set aside before anything was tuned and are run only with
+--held-out or --all. `series` 2 came later; its evidence was written before its first run. Logs with one `body`, by
+default those of one rig file with one evidence, are repeats. An `unusable` log lacks what its rig file names, which
+swingid does not know. `trust.py foreign` makes tables of all.
 
 A row: value and 95 % interval, evidence, status with the codes of its warnings, and a verdict: "meets" where interval
 and evidence overlap, "misses" with the distance between them in half-widths of the interval, "refused", "crash".
@@ -16,6 +19,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import math
 import os
 import tomllib
 import urllib.request
@@ -78,11 +82,30 @@ def answers(entry: dict[str, Any], path: Path, methods: list[str]) -> Iterator[d
         except Exception as error:  # a crash is one of the results
             row |= {"status": "crash", "codes": [type(error).__name__], "verdict": "crash", "text": str(error)[:200]}
         else:
-            inertia = result.main
-            codes = [message.code for message in result.warnings]
-            row |= {"status": result.status, "codes": codes, "value": inertia.value, "interval": inertia.interval95}
-            row |= verdict(inertia.value, inertia.interval95, entry["evidence"])
+            row |= {"status": result.status, "codes": [message.code for message in result.warnings]}
+            row |= found(result, entry)
         yield row
+
+
+def found(result: sw.Result, entry: dict[str, Any]) -> dict[str, Any]:
+    """Value, interval and verdict of the parameter that the evidence is of, and what other logs do not share of it."""
+    name = entry.get("quantity", result.leading)
+    if name not in result.parameters:
+        return {"verdict": "another quantity", "text": f"no {name} among {', '.join(result.parameters)}"}
+    one = result.parameters[name]
+    row = {"value": one.value, "interval": one.interval95} | contributions(result, name)
+    return row | verdict(one.value, one.interval95, entry["evidence"])
+
+
+def contributions(result: sw.Result, name: str) -> dict[str, Any]:
+    """What a parameter has of its own, as a standard uncertainty, and what of constants that logs share, signed."""
+    own, shared = 0.0, dict[str, float]()
+    for entry in result.budget:
+        if entry.parameter == name and entry.shared_id is None:
+            own = math.hypot(own, entry.standard_uncertainty)
+        elif entry.parameter == name:
+            shared[entry.shared_id] = math.copysign(entry.standard_uncertainty, entry.sensitivity or 1.0)
+    return {"own": own, "shared": shared}
 
 
 def verdict(value: float, interval: tuple[float, float] | None, evidence: list[float]) -> dict[str, Any]:
@@ -94,6 +117,28 @@ def verdict(value: float, interval: tuple[float, float] | None, evidence: list[f
     apart = max(low - interval[1], interval[0] - high, 0.0)
     half = (interval[1] - interval[0]) / 2
     return {"verdict": "misses" if apart > 0 else "meets", "by": apart / half if half > 0 else 0.0, "off": off}
+
+
+def outcomes(
+    chosen: list[dict[str, Any]], methods: list[str], data: Path, kept: Path | None = None
+) -> list[dict[str, Any]]:
+    """The answers to these logs, printed one by one; logs of which the file `kept` has answers are taken from there."""
+    rows: list[dict[str, Any]] = json.loads(kept.read_text()) if kept is not None and kept.exists() else []
+    done = {row["log"] for row in rows}
+    for entry in chosen:
+        if entry["name"] in done:
+            continue
+        try:
+            path = fetched(entry, data)
+        except OSError as error:
+            print(f"{entry['name']:28s} not available: {error}")
+            continue
+        for row in answers(entry, path, methods):
+            rows.append({"log": entry["name"]} | row)
+            print(line(entry, row), flush=True)
+        if kept is not None:
+            kept.write_text(json.dumps(rows, indent=1))
+    return [row for row in rows if row["log"] in {entry["name"] for entry in chosen}]
 
 
 def line(entry: dict[str, Any], row: dict[str, Any]) -> str:
@@ -136,26 +181,16 @@ def main() -> None:
     parser.add_argument("--held-out", action="store_true", help="the logs that were set aside, and no others")
     parser.add_argument("--all", action="store_true", help="those, too")
     parser.add_argument("--data", type=Path, default=CACHE)
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--json", type=Path, help="keep the answers there, and take those that it has")
     given = parser.parse_args()
     methods = [name for name in given.methods.split(",") if name in METHODS]
-    rows = []
-    for entry in entries():
-        if given.names and not any(name in entry["name"] for name in given.names):
-            continue
-        if not given.all and entry["held_out"] != given.held_out:
-            continue
-        try:
-            path = fetched(entry, given.data)
-        except OSError as error:
-            print(f"{entry['name']:28s} not available: {error}")
-            continue
-        for row in answers(entry, path, methods):
-            rows.append({"log": entry["name"]} | row)
-            print(line(entry, row), flush=True)
-    print(totals(rows))
-    if given.json is not None:
-        given.json.write_text(json.dumps(rows, indent=1))
+    chosen = [
+        entry
+        for entry in entries()
+        if (not given.names or any(name in entry["name"] for name in given.names))
+        and (given.all or entry["held_out"] == given.held_out)
+    ]
+    print(totals(outcomes(chosen, methods, given.data, given.json)))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,12 @@
 """What the status of an answer is worth, on simulated faults and on foreign logs. Into docs/trust.md.
 
     python benchmarks/trust.py simulated [--runs 480] [--out DIR] [--workers N]
-    python benchmarks/trust.py foreign [--data DIR]
+    python benchmarks/trust.py foreign [--data DIR] [--out FILE]
     python benchmarks/trust.py clean [--runs 10000] [--out DIR] [--workers N]
 
-`simulated` runs (or goes on with, or reads) the campaign `trust` in DIR; `foreign` runs the logs of strangers.py that
-are not held out; `clean` runs the campaign `clean`, of logs without a fault. Each replaces its table in the page.
+`simulated` runs (or goes on with, or reads) the campaign `trust` in DIR; `foreign` runs (or goes on with, or reads, in
+the JSON of FILE) all logs of strangers.py by four methods; `clean` runs the campaign `clean`, of logs without a fault.
+Each replaces its tables in the page.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from pathlib import Path
 import numpy as np
 
 import strangers
+import strangers_tables as tables
 from swingid.methods.table import METHODS
 from swingid.study.campaign import load_plan, run_campaign, summarise
-from swingid.study.campaign.trust import Trust, trust_tables
+from swingid.study.campaign.trust import trust_tables
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "trust.md"
 
@@ -53,23 +55,16 @@ def clean(runs: int, folder: str, workers: int | None) -> str:
     return markdown(table)
 
 
-def foreign(data: Path) -> str:
-    """The totals of the suite of foreign logs: wrong is an interval that does not meet the evidence."""
-    rows = []
-    for entry in strangers.entries():
-        if not entry["held_out"]:
-            found = strangers.answers(
-                entry, strangers.fetched(entry, data), [m for m in METHODS if m != "backstepping"]
-            )
-            rows += list(found)
-    table = [("method", "logs", "ok", "of these wrong", "warned", "refused", "crashed")]
-    for method in dict.fromkeys(row["method"] for row in rows):
-        own = [row for row in rows if row["method"] == method]
-        ok = [row for row in own if row["status"] == "ok"]
-        wrong = sum(row["verdict"] == "misses" for row in ok)
-        count = [sum(row["status"] == status for row in own) for status in ("warning", "refused", "crash")]
-        table.append((method, *Trust(len(own), len(ok), wrong, *count).cells()))
-    return markdown(table)
+def foreign(data: Path, kept: Path | None) -> dict[str, str]:
+    """The tables of the suite of foreign logs, by their places in the page."""
+    entries = strangers.entries()
+    rows = strangers.outcomes(entries, [name for name in METHODS if name != "backstepping"], data, kept)
+    named = {entry["name"]: entry for entry in entries}
+    return {
+        "foreign": markdown(list(tables.by_kind(rows, named, strangers.HERE / "rigs"))),
+        "shares": markdown(list(tables.shares(rows, named))),
+        "repeats": markdown(list(tables.repeats(rows, named))),
+    }
 
 
 def markdown(table: Sequence[tuple[str, ...]]) -> str:
@@ -79,7 +74,7 @@ def markdown(table: Sequence[tuple[str, ...]]) -> str:
 
 
 def main() -> None:
-    """Make one of the tables and put it into the page."""
+    """Make the tables and put them into the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("which", choices=("simulated", "foreign", "clean"))
     parser.add_argument("--runs", type=int)
@@ -88,15 +83,17 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=strangers.CACHE)
     given = parser.parse_args()
     if given.which == "foreign":
-        made = foreign(given.data)
+        made = foreign(given.data, Path(given.out) if given.out else None)
     else:
         campaign, runs = {"simulated": (simulated, 480), "clean": (clean, 10_000)}[given.which]
-        made = campaign(given.runs or runs, given.out or f"campaign-trust-{given.which}", given.workers)
-    print(made)
-    pattern = re.compile(rf"(<!-- trust: {given.which} -->\n).*?(<!-- end -->)", re.DOTALL)
+        folder = given.out or f"campaign-trust-{given.which}"
+        made = {given.which: campaign(given.runs or runs, folder, given.workers)}
     text = PAGE.read_text(encoding="utf-8")
-    assert pattern.search(text), f"{PAGE} has no place for {given.which}"
-    PAGE.write_text(pattern.sub(lambda found: f"{found[1]}{made}{found[2]}", text), encoding="utf-8")
+    for place, table in made.items():
+        print(table)
+        text, places = re.subn(rf"(<!-- trust: {place} -->\n).*?(<!-- end -->)", rf"\1{table}\2", text, flags=re.DOTALL)
+        assert places == 1, f"{PAGE} has {places} places for {place}"
+    PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -13,17 +13,16 @@ from swingid.balance.parts import unexplained
 from swingid.balance.systematics import place_torque
 from swingid.checks.angle import scale_off, zero_off
 from swingid.checks.closure import balance_open
-from swingid.checks.free_decay import period_of_amplitude
 from swingid.checks.hypothesis import Evidence, Hypothesis, Judged
 from swingid.checks.latency import channel_late
 from swingid.checks.place import PLACE, place_found, spring_not_stated
 from swingid.checks.ran import ran
 from swingid.checks.stability import (
     PARTS,
+    disagreeing,
     impulse_fitted,
     mirrored_differ,
     not_predicted,
-    parts_disagree,
     slow_changes,
     slow_entries,
 )
@@ -63,11 +62,12 @@ TABLE = (
                limit="alone", unless=BIASED, contradicts=True),
     Hypothesis("latency", "late-channel", channel_late, "timing of the channels against each other",
                limit="timing", kind=Kind.LATE_CHANNEL, contradicts=True),
-    # a note: on foreign logs of cameras it is significant where the answers meet the evidence
-    Hypothesis("period", "period-disagrees", period_of_amplitude, "period of a free decay against its amplitude",
-               note=True, unless=(*BIASED, "balance-open")),
-    Hypothesis("parts", "parts-disagree", parts_disagree, "parts of the log agree with one another",
-               limit="alone", unless=(*BIASED, "balance-open", "late-channel", *UNDETERMINED),
+    Hypothesis("period", "period-disagrees", disagreeing("amplitude", "speed", "place"),
+               "period against amplitude: the inertia is the same at every size, speed and place of the swings",
+               limit="alone", note=True, unless=(*BIASED, "balance-open", "late-channel", *UNDETERMINED)),
+    Hypothesis("parts", "parts-disagree", disagreeing("time", "direction", "rise"),
+               "parts of the log agree with one another", limit="alone", note=True,
+               unless=("period-disagrees", *BIASED, "balance-open", "late-channel", *UNDETERMINED),
                entries=lambda evidence, u, own: {PARTS: unexplained(evidence.parts, u)}),
     Hypothesis("", "reversal-impulse", impulse_fitted, own=True, note=True),
     Hypothesis("stability", "friction-changes", slow_changes("friction"),

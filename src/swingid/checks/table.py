@@ -39,7 +39,7 @@ ASIDE = ("zero-off", "gravity-torque-disagrees", "encoder-nonlinearity")
 BIASED = ("angle-scale", *ASIDE, "place-torque")
 """What leaves residuals of the balance."""
 
-UNDETERMINED = ("gravity-and-inertia", "near-resonance", "not-identifiable")
+UNDETERMINED = ("gravity-and-inertia", "not-identifiable")
 """What makes parts of a log disagree by little."""
 
 TABLE = (

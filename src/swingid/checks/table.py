@@ -15,7 +15,7 @@ from swingid.checks.angle import scale_off, zero_off
 from swingid.checks.closure import balance_open
 from swingid.checks.hypothesis import Evidence, Hypothesis, Judged
 from swingid.checks.latency import channel_late
-from swingid.checks.place import PLACE, place_found, spring_not_stated
+from swingid.checks.place import PLACE, place_found, spring_not_stated, torque_computed
 from swingid.checks.ran import ran
 from swingid.checks.stability import (
     PARTS,
@@ -36,13 +36,16 @@ ANGLE = ("zero-off", "angle-scale")
 ASIDE = ("zero-off", "gravity-torque-disagrees", "encoder-nonlinearity")
 """What seems to be a torque that depends on the angle; an error of its scale is one that is."""
 
-BIASED = ("angle-scale", *ASIDE, "place-torque")
+BIASED = ("torque-computed", "angle-scale", *ASIDE, "place-torque")
 """What leaves residuals of the balance."""
 
 UNDETERMINED = ("gravity-and-inertia", "not-identifiable")
 """What makes parts of a log disagree by little."""
 
 TABLE = (
+    # a torque that is commanded may be a spring in software: a note
+    Hypothesis("torque", "torque-computed", torque_computed, "the torque is no linear function of the angle",
+               limit="alone", note=True, contradicts=True),
     Hypothesis("angle-zero", "zero-off", zero_off, "zero of the angle",
                limit="angle", kind=Kind.ANGLE_ZERO, contradicts=True),
     Hypothesis("angle-scale", "angle-scale", scale_off, "scale of the angle",
@@ -56,7 +59,7 @@ TABLE = (
     Hypothesis("encoders", "encoder-nonlinearity", encoders_bent, "encoder nonlinearity as stated against the log",
                limit="balance", own=True, kind=Kind.ENCODER_NONLINEARITY, contradicts=True),
     Hypothesis("place", "place-torque", place_found, "torques that depend on the angle and are not stated",
-               limit="place", unless=ASIDE, contradicts=True,
+               limit="place", unless=("torque-computed", *ASIDE), contradicts=True,
                entries=lambda evidence, u, own: {PLACE: place_torque(evidence.place, u)}),
     Hypothesis("closure", "balance-open", balance_open, "the balance closes: its residuals are small",
                limit="alone", unless=BIASED, contradicts=True),

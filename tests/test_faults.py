@@ -16,7 +16,7 @@ from swingid.study.campaign.loading import plan_from_text
 from swingid.study.campaign.trust import Trust, trust_tables
 from swingid.study.experiment import Experiment, without_truth
 from swingid.study.faults import FAULTS, Fault, every_fault, parse_fault, with_faults
-from swingid.study.faults.effects import YIELDS, Scene, hysteresis
+from swingid.study.faults.effects import YIELDS, Scene, hysteresis, motor_backlash, rolling_base, slipping_wheel
 from swingid.study.rehearse import rehearse
 
 NO_WHEEL = {"log.wheel_angle": None, "log.voltage": None, "log.reference": None}
@@ -37,12 +37,12 @@ def experiment_on(kind: str) -> Experiment:
 
 def test_every_grade_of_every_fault_changes_the_log_or_its_reading() -> None:
     clean = {}
-    for kind in ("reaction-wheel", "none"):
+    for kind in ("reaction-wheel", "none", "direct"):
         base = with_faults(experiment_on(kind), [parse_fault("none")])
         clean[kind] = base.read(base.log(3))
     for text in every_fault():
         drawn = parse_fault(text)
-        kind = next(kind for kind in ("reaction-wheel", "none") if kind in drawn.fault.drives)
+        kind = next(kind for kind in clean if kind in drawn.fault.drives)
         faulty = with_faults(experiment_on(kind), [drawn])
         try:
             log = faulty.read(faulty.log(3))
@@ -101,6 +101,36 @@ def test_a_cable_with_hysteresis_loses_what_its_parts_slip() -> None:
     slipping = sum(4 * max(0.6 - width, 0.0) for width in YIELDS) / len(YIELDS)
     assert lost == pytest.approx(0.05 * scene.scale * slipping, rel=1e-3)
     assert np.max(np.abs(torque)) < 0.05 * scene.scale
+
+
+def small_swing() -> Scene:
+    time = np.linspace(0.0, 3.0, 3001)
+    angle = 0.05 * np.sin(2 * np.pi * time)
+    return Scene(time, angle, np.gradient(angle, time), Rig.load("paper"), 0, 0.05)
+
+
+def test_a_base_that_rolls_is_less_inertia_at_small_angles() -> None:
+    scene = small_swing()
+    inertia = scene.rig.axis.inertia.value
+    assert rolling_base(scene, 0.01) == pytest.approx(0.01 * inertia * scene.acceleration, abs=1e-4 * inertia)
+
+
+def test_an_encoder_on_the_motor_is_ahead_of_the_axis_by_half_of_the_play() -> None:
+    scene = small_swing()
+    log = sw.Recording(time=scene.time, angle=scene.angle, torque=-scene.scale * np.sin(scene.angle * 20))
+    ahead = (motor_backlash(log, scene, 2e-3).angle - log.angle) * np.sign(log.torque)
+    assert np.max(ahead) == pytest.approx(1e-3, abs=np.pi / 16384)  # half a count of the encoder
+    assert np.mean(ahead) == pytest.approx(1e-3, rel=0.1)
+
+
+def test_a_wheel_that_slips_is_read_too_far_forward_only() -> None:
+    scene = small_swing()
+    wheel = np.concatenate([np.linspace(0, 10, 1501), np.linspace(10, 4, 1500)])
+    log = sw.Recording(time=scene.time, angle=scene.angle, wheel_angle=wheel)
+    read = slipping_wheel(log, scene, 0.01).wheel_angle
+    assert read is not None
+    assert read[1500] == pytest.approx(10.1)
+    assert read[-1] == pytest.approx(4.1)
 
 
 def test_lost_rows_shorten_the_log_and_leave_its_rate() -> None:

@@ -283,18 +283,16 @@ def test_energy_refuses_few_rows_per_swing(step):
 
 
 @pytest.mark.parametrize(("omega", "leans"), [(3.0, True), (4.6, True), (4.99, True), (8.5, False), (12.0, False)])
-def test_a_motion_near_or_below_resonance_is_doubted(omega, leans):
+def test_that_a_motion_near_or_below_resonance_leans_on_gravity_is_a_note(omega, leans):
     # sqrt(b / a11) is 4.99 rad/s.
     result = identify(wheel(Sines((0.8, omega, 0.0))), PAPER)
-    assert codes(result.warnings) == (["near-resonance"] if leans else [])
-    assert result.status == ("warning" if leans else "ok")
-    if leans:
-        assert "drive at 8" in result.warnings[0].message
+    assert result.status == "ok"
+    assert ["drive at 8" in note.message for note in result.notes if note.code == "near-resonance"] == [True] * leans
 
 
-def test_the_warning_of_resonance_states_the_right_leverage():
+def test_the_note_of_resonance_states_the_right_leverage():
     log = wheel(Sines((0.8, 4.99, 0.0)))
-    message = identify(log, PAPER).warnings[0].message
+    message = next(note.message for note in identify(log, PAPER).notes if note.code == "near-resonance")
     more = identify(log, PAPER.changed({"axis.gravity_torque": 78e-3 * 1.001}))
     moved = 1000 * (more.inertia.value - identify(log, PAPER).inertia.value) / (INERTIA + 11.55e-5)
     assert f"(1 % of axis.gravity_torque changes it by {moved:.2g} %)" in message
@@ -381,8 +379,9 @@ def test_a_wheel_that_rests_near_resonance_is_no_bad_motor(omega, counts):
     body = Rig.builtin("paper-body").changed({"sensors.counts_per_turn": counts})
     log = simulate(body, Sine(0.8, omega), duration=15.0, seed=3)
     result = identify(log, body)
-    assert codes(result.warnings) == ["near-resonance"]
-    assert "drive at 10 rad/s or more" in result.warnings[0].message
+    assert result.status == "ok"
+    (note,) = [one for one in result.notes if one.code == "near-resonance"]
+    assert "drive at 10 rad/s or more" in note.message
     assert result.details.extra["motor_balance_residual"] < 0.1
     reading = next(note.message for note in result.notes if note.code == "wheel-angle-reading")
     assert ("the wheel rests" in reading) == (omega == 6.0)

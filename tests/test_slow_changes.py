@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from closed_form_logs import INERTIA, TWO_TONES, direct_log, direct_rig, free_log, free_rig
-from swingid.balance.choice import choose
+from swingid.balance.choice import NEAR_REST, _other_causes, choose
 from swingid.balance.parts import compared, predicted
 from swingid.balance.rows import Signals
 from swingid.balance.slow import polynomial, slope, slow_columns
@@ -126,6 +126,12 @@ def test_differences_of_parts_are_as_large_as_they_are_stated(clean):
     for name, deviations in found.items():
         # χ² of 40 independent values: 0.6 to 1.5 at 99.9 %
         assert 0.5 < np.sqrt(np.mean(np.square(deviations))) < 1.5, name
+
+
+def test_a_friction_law_with_all_terms_leaves_no_other_to_try(clean):
+    choice = choice_of(noisy(clean))
+    every = replace(choice.law, unknowns=(*choice.law.unknowns, *NEAR_REST, "cubic"))
+    assert next(_other_causes(every, choice.signals)).shape == (len(every.rows), 0)
 
 
 def test_the_second_half_is_not_predicted_where_friction_changes(clean):

@@ -12,7 +12,7 @@ from swingid.balance.choice import impulse_left
 from swingid.checks.place import PLACE
 from swingid.control.compensator import Compensator
 from swingid.control.references import Multisine, Sine
-from swingid.errors import UsageError
+from swingid.errors import UnanswerableError, UsageError
 
 METHODS = ("momentum", "energy", "equation-error", "output-error")
 PAPER = sw.Rig.builtin("paper")
@@ -240,3 +240,19 @@ def test_the_weights_of_reversals_are_the_impulses_of_bristles() -> None:
         impulse = np.trapezoid(force - level, time)
         way = -2 * level * np.sqrt(np.pi * level / (2 * sigma0 * acceleration))
         assert impulse == pytest.approx(way + 2 * sigma1 * level / sigma0, rel=1e-4)
+
+
+def test_a_torque_that_is_computed_from_the_angle_is_named_so() -> None:
+    """A cosine and the torque that it needs where sin q is q; commanded so it is a spring in software."""
+    time, b, stiffness = np.arange(0.0, 20.0, 5e-3), 0.08, 3e-3 * 49 - 0.08
+    rig = sw.Rig.from_text(f'name = "formula"\n[axis]\ngravity_torque = {b}\n[drive]\nkind = "direct"\n')
+
+    def log(size: float, *, held: bool) -> sw.Recording:
+        angle = np.round(size * np.cos(7.0 * time), 5)
+        return sw.Recording(time=time, angle=angle, torque=np.round(-stiffness * angle, 6), drive_held=held)
+
+    with pytest.raises(UnanswerableError, match=r"the torque is the angle times -0\.067 N m/rad .* it was computed"):
+        sw.identify(log(0.6, held=False), rig)
+    assert "torque-computed" in codes(sw.identify(log(0.05, held=False), rig))
+    commanded = sw.identify(log(0.05, held=True), rig)
+    assert "torque-computed" in {note.code for note in commanded.notes} - codes(commanded)

@@ -150,7 +150,8 @@ def _other_causes(fit: WindowFit, signals: Signals) -> Iterator[Array]:
     In a decay the amplitude changes with time, so friction of another law seems to be one that changes.
     """
     rows = with_near_rest(signals, fit.rows)
-    yield np.column_stack([rows[name] for name in (*NEAR_REST, "cubic") if name not in fit.unknowns])
+    laws = [rows[name] for name in (*NEAR_REST, "cubic") if name not in fit.unknowns]
+    yield np.array(laws).reshape(-1, len(rows)).T  # none, where the fit has all
     yield from _errors_of_angles(fit, signals)
 
 

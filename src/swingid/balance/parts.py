@@ -1,15 +1,17 @@
 """Estimates of the inertia from parts of a log, which must agree: halves in time, amplitudes, directions of motion.
 
-The rows of one fit are divided, and both parts are fitted with all its unknowns. The difference of the two estimates is
-linear in the rows, so its variance is that of one value (`fits.covariance_by`): rows that share data, at the border of
-the parts, are counted as correlated. What is declared of the rig is the same in both and enters by the difference of
-its effects. A missing term, a friction that changes, a sensor that drifts, a late channel bias the parts differently.
+The rows of one fit are divided, and both parts are fitted with all its unknowns; or all rows are fitted with an inertia
+that changes with the size, speed or place of the swings (`trends`). The difference of the two estimates is linear in
+the rows, so its variance is that of one value (`fits.covariance_by`): rows that share data, at the border of the parts,
+are counted as correlated. What is declared of the rig is the same in both and enters by the difference of its effects.
+A missing term, a friction that changes, a sensor that drifts, a late channel bias the parts differently.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,11 +23,14 @@ from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import normal_of_ratio
 
-AMPLITUDES = 1.1
-"""Least ratio of the median amplitudes of two parts that are compared as larger and smaller swings."""
+THIRDS = 1 / 6, 5 / 6
+"""Quantiles that are the middle of the smallest and of the largest third of the swings."""
+
+VARIES = 0.1
+"""Least difference between the thirds: of the logarithm of a size or speed, of places in swings; scatter below it."""
 
 SAME = 0.9
-"""Share of equal rows from which on two divisions are one: in a free decay the larger swings are the first half."""
+"""Correlation from which on two quantities are one: in a free decay the larger swings are the faster ones."""
 
 MIRRORED = ("direction", "rise")
 """Divisions whose parts are mirror images: an error that is odd under the mirror, as a latency or a lens, makes them
@@ -39,8 +44,9 @@ CLEAR = 0.3
 class Comparison:
     """Inertias of two parts of a log, of the whole axis, with their standard uncertainties of type A.
 
-    name: "time", "amplitude", "direction" or "rise". variance: of their difference where the model holds. off, u: by
-    how much the whole may be off, and the standard uncertainty of that where the model holds.
+    name: "time", "direction" or "rise", or of a trend "amplitude", "speed" or "place". variance: of their difference
+    where the model holds. off, u: by how much the whole may be off, and the standard uncertainty of that where the
+    model holds.
     """
 
     name: str
@@ -92,26 +98,68 @@ def compared(law: WindowFit, signals: Signals) -> list[Comparison]:
         return []
     least = fewest(law)
     divided = [found for found in divisions(law, signals) if min(np.count_nonzero(part) for part in found[1:]) >= least]
-    return _comparisons(law, [name for name, *_ in divided], np.array([parts for _, *parts in divided]))
+    return [
+        *trends(law, signals),
+        *_comparisons(law, [name for name, *_ in divided], np.array([own for _, *own in divided])),
+    ]
 
 
 def divisions(law: WindowFit, signals: Signals) -> Iterator[tuple[str, Bools, Bools]]:
     """Names and the rows (windows,) of both parts."""
-    centres, motion = law.rows.windows.centres, signals.motion
+    centres = law.rows.windows.centres
     early = centres < median(centres)
     yield "time", early, ~early
-    times = (motion.turning_times[1:] + motion.turning_times[:-1]) / 2
-    if len(times):
-        sizes = np.interp(centres, times, motion.swing_sizes)
-        large = sizes > median(sizes)
-        same = float(np.mean(large == early))
-        if max(same, 1 - same) < SAME and median(sizes[large]) > AMPLITUDES * median(sizes[~large]):
-            yield "amplitude", large, ~large
     mean = law.rows["coulomb"] / law.rows["offset"]
     yield "direction", mean > CLEAR, mean < -CLEAR
     if law.value("gravity_torque") and not signals.linear:  # elsewhere no angle is the middle
-        outward = np.interp(centres, signals.nodes.stamps, signals.angle_values) * motion.speed.at(centres)
+        outward = np.interp(centres, signals.nodes.stamps, signals.angle_values) * signals.motion.speed.at(centres)
         yield "rise", outward > 0, outward < 0
+
+
+def covariates(law: WindowFit, signals: Signals) -> dict[str, Array]:
+    """What the inertia per swing may depend on, at the windows: size and speed (logarithms), place (in swings).
+
+    Each where it varies, and is not one of those before.
+    """
+    motion, found = signals.motion, dict[str, Array]()
+    if len(motion.turning_times) < 4:
+        return {}
+    times, angles = motion.turning_times, motion.turning_angles
+    middles, places = (times[1:] + times[:-1]) / 2, (angles[2:] + 2 * angles[1:-1] + angles[:-2]) / 4
+    each = {
+        "amplitude": (middles, np.log(motion.swing_sizes)),
+        "speed": (middles, np.log(motion.swing_sizes / np.diff(times))),
+        "place": (times[1:-1], places / median(motion.swing_sizes)),
+    }
+    for name, (instants, values) in each.items():
+        own = np.interp(law.rows.windows.centres, instants, values)
+        least, most = np.quantile(own, THIRDS)
+        if most - least > VARIES and all(abs(np.corrcoef(own, other)[0, 1]) < SAME for other in found.values()):
+            found[name] = own
+    return found
+
+
+def trends(law: WindowFit, signals: Signals) -> list[Comparison]:
+    """The inertia of the largest third of the swings less that of the smallest, by their size, speed and place x.
+
+    Σ J (1 + s (x − x̄)) with s beside the unknowns of the fit; x̄ is the mean that a11 has, so that s leaves it. What is
+    true may be at either end, as without the torque or the friction that changes the period: half of the difference.
+    """
+    return [_trend(law, name, values) for name, values in covariates(law, signals).items()]
+
+
+def _trend(law: WindowFit, name: str, values: Array) -> Comparison:
+    """Of one quantity (windows,)."""
+    column = law.rows["inertia"]
+    apart = values - float((law.fit.influence[0] * column) @ values)
+    fit = law.beside((column * apart)[:, None]).alone()
+    small, large = np.quantile(apart, THIRDS)
+    estimates = np.array([law.fit.influence[0] + end * fit.influence[0] for end in (large, small)])
+    variances = _variances(law, estimates, [[1, -1]], fit.residuals, len(column), len(law.unknowns) + 1)
+    changes = [float(end * fit.values[0]) for end in (large, small)]
+    first, second = ((law.a11 + change, u**0.5) for change, u in zip(changes, variances.tolist(), strict=False))
+    difference, variance = changes[0] - changes[1], float(variances[2])
+    return Comparison(name, first, second, variance, difference / 2, variance**0.5 / 2)
 
 
 def _fits_of(law: WindowFit, parts: Bools) -> LinearFit:
@@ -129,21 +177,34 @@ def _comparisons(law: WindowFit, names: Sequence[str], parts: Bools) -> list[Com
     """
     if not names:
         return []
-    count, windows = len(law.unknowns), parts.shape[-1]
-    fits, whole = _fits_of(law, parts.reshape(-1, windows)), law.fit.influence[0]
+    fits, whole = _fits_of(law, parts.reshape(-1, parts.shape[-1])), law.fit.influence[0]
     one, other = fits.influence[:, 0].reshape(parts.shape).swapaxes(0, 1)
     rests = fits.residuals.reshape(parts.shape).sum(axis=1)
-    influence = np.stack([one, other, one - other, (one + other) / 2 - whole], axis=1)
-    spare = parts.any(axis=1).sum(axis=1) / (LAG / 2) - 2 * count
-    found = covariance_by(law, influence, rests, 2 * count).diagonal(0, 1, 2)
-    found = found + np.sum((influence @ declared_effects(law)) ** 2, axis=2)
-    bent = law.a11 * column_noise(law.rows.windows, law.noise)
-    one_bent, other_bent = bent * np.sum(one**2, axis=1), bent * np.sum(other**2, axis=1)
-    found[:, 2] += (one_bent - other_bent) ** 2
-    found[:, 3] += ((one_bent + other_bent) / 2 - bent * float(whole @ whole)) ** 2
-    found *= np.where(spare > 4, spare / np.maximum(spare - 2, 1), 2.0)[:, None]  # of Student's t
+    estimates = np.stack([one, other, np.broadcast_to(whole, one.shape)], axis=1)
+    rows, used = parts.any(axis=1).sum(axis=1), 2 * len(law.unknowns)
+    found = _variances(law, estimates, [[1, -1, 0], [0.5, 0.5, -1]], rests, rows, used)
     changes = fits.values[:, 0].reshape(-1, 2)
     return [_comparison(law, *each) for each in zip(names, changes.tolist(), found.tolist(), strict=True)]
+
+
+def _variances(
+    law: WindowFit, estimates: Array, combined: Sequence[Sequence[float]], rests: Array, rows: Any, used: int
+) -> Array:
+    """Variances (..., 2 + combinations) of the first two of some estimates of a11, and of combinations of all.
+
+    estimates: their influences (..., estimates, windows), of fits of so many `rows` that leave `rests` (..., windows)
+    and have `used` so many unknowns. The bias by noise in the regressor is that of each, to first order.
+    """
+    weights = np.array([*np.eye(2, estimates.shape[-2]), *combined])
+    influence = weights @ estimates
+    found = covariance_by(law, influence, rests, used).diagonal(0, -2, -1)
+    found = found + np.sum((influence @ declared_effects(law)) ** 2, axis=-1)
+    bent = law.a11 * column_noise(law.rows.windows, law.noise) * np.sum(estimates**2, axis=-1)
+    found[..., 2:] += (bent @ weights[2:].T) ** 2
+    spare = rows / (LAG / 2) - used
+    found *= np.where(spare > 4, spare / np.maximum(spare - 2, 1), 2.0)[..., None]  # of Student's t
+    result: Array = found
+    return result
 
 
 def _comparison(law: WindowFit, name: str, changes: list[float], found: list[float]) -> Comparison:

@@ -130,13 +130,13 @@ def _wrong_by_gravity_found(law: WindowFit) -> str | None:
 class AnswerCheck:
     """Warnings and notes of an estimate, and a note on the identifiability of the unknowns by the rows.
 
-    near_resonance: the inertia is nearly proportional to the gravity torque.
+    near_resonance: a note where the inertia is nearly proportional to the gravity torque, as it is of every free swing.
     """
 
     warnings: list[Message]
     notes: list[Message]
     identifiability: Message
-    near_resonance: bool
+    near_resonance: Message | None
 
 
 def check_answer(
@@ -146,11 +146,7 @@ def check_answer(
     amplitude: float,
     rig: Rig,
 ) -> AnswerCheck:
-    """Identifiability of the parameters. Raises NotIdentifiableError where the data do not determine the inertia.
-
-    That the inertia is nearly proportional to the gravity torque is a note where the rig file states the uncertainty
-    of that, for then the interval contains it.
-    """
+    """Identifiability of the parameters. Raises NotIdentifiableError where the data do not determine the inertia."""
     ran("identifiability")
     inertia, equation = parameters["inertia"], law.equation
     relative = (inertia.standard_uncertainty or np.inf) / max(abs(inertia.value), 1e-300)
@@ -164,15 +160,15 @@ def check_answer(
     if len(equation.sought) > 1 and scattered > 0.02 * inertia.value:
         text = f"{seen.combination(law.values)}; {advice(seen, *motion)}."
         warnings.append(Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA))
-    near_resonance, b = False, equation.value("gravity_torque")
+    near_resonance, b = None, equation.value("gravity_torque")
     if equation.drive != "none" and b:
         leverage = abs(float(law.fit.influence[0] @ law.rows["gravity_torque"]) * b) / law.a11
-        near_resonance = leverage > 0.8
-        if near_resonance:
+        if leverage > 0.8:
             gravity = rig.axis.gravity_torque
             budgeted = isinstance(gravity, Quantity) and gravity.std is not None
             text = _near_resonance(leverage, amplitude, b / law.a11, budgeted=budgeted)
-            (notes if budgeted else warnings).append(Message("near-resonance", text))
+            near_resonance = Message("near-resonance", text)
+            notes.append(near_resonance)
     if equation.drive == "none":
         notes.append(scale_note(rig))
     rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"

@@ -151,7 +151,7 @@ def check_energy(
         )
     warnings = rig_file.warnings(inertia) if rig_file else []
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
-    only_resonance = False
+    near_resonance = None
     if consistency.windows is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
         alone = rig_file.alone(inertia) if rig_file else inertia
@@ -163,7 +163,7 @@ def check_energy(
         differs = [] if compared is None else against_momentum(inertia, compared, consistency.windows, cause)
         warnings += checked.warnings + differs
         notes += [checked.identifiability, *checked.notes]
-        only_resonance = checked.near_resonance and not differs
+        near_resonance = None if differs else checked.near_resonance
     motor = check_motor(consistency.balance, consistency.signals, uses_motor=True)
     notes += motor.notes
     if equation.drive == "reaction-wheel":
@@ -171,7 +171,10 @@ def check_energy(
         notes.append(Message("leans-on-the-motor", text))
         warnings += motor.held
         # near resonance that is the cause of the residual of (II), or the wheel rests part of the time
-        if not (motor.fault is Fault.CONSTANTS and only_resonance):
+        if motor.fault is Fault.CONSTANTS and near_resonance:
+            notes.remove(near_resonance)
+            warnings.append(near_resonance)
+        else:
             warnings += motor.warnings
     return warnings, notes
 

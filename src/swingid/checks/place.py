@@ -7,17 +7,40 @@ difference counts for every method.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from swingid.balance.fits import LAG
 from swingid.balance.systematics import PlaceFit
 from swingid.checks.hypothesis import Evidence, Finding, Judged
-from swingid.format import percent
+from swingid.format import number, percent
 from swingid.model.terms import is_spring
+from swingid.numerics.regression import fit_linear
 from swingid.uncertainty.significance import BETTER, CERTAIN_RATIO, DETECTED
+
+LINEAR = 1e-3
+"""Share of a torque that is no linear function of the angle, up to which it is one: friction, gravity's sine, noise and
+the rounding of two columns leave more of any that was measured."""
 
 PLACE = "torque that depends on the angle"
 """Source of `place_torque` in the budget."""
+
+
+def torque_computed(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+    """Whether the torque is a linear function of the angle: computed with it, as a spring in software is."""
+    log = evidence.part.log
+    if log.torque is None or not np.ptp(log.torque):
+        return None
+    line = fit_linear(np.column_stack([log.angle, np.ones(len(log))]), log.torque)
+    if float(np.std(line.residuals)) > LINEAR * float(np.std(log.torque)):
+        return []
+    unit = "N/m" if evidence.law.equation.linear else "N m/rad"
+    text = (
+        f"the torque is the angle times {number(float(line.values[0]), unit)} to {LINEAR:.1%}, so it was computed, "
+        "and is no measurement: the inertia follows from this factor and the frequency alone; log the torque itself."
+    )
+    return [Finding(0.0 if log.drive_held else math.inf, text)]
 
 
 def place_found(evidence: Evidence, judged: Judged) -> list[Finding] | None:

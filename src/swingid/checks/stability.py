@@ -26,13 +26,19 @@ DIVIDED = {
     "amplitude": "larger and smaller swings",
     "direction": "motion with rising and with falling angle",
     "rise": "motion away from the middle and back to it",
+    "speed": "faster and slower swings",
+    "place": "swings about larger and about smaller angles",
 }
 """The parts of each comparison."""
 
 CAUSES = {
     "time": "something changes within the log (a clock or a sensor drifts, a bearing warms, a part loosens), or, where "
     "swings decay, depends on their size, as a spring or another torque of the angle does",
-    "amplitude": "a torque depends on the angle (spring, cable, magnets, stop), or a scale in the rig file is wrong",
+    "amplitude": "a torque of the angle is not as stated (spring, cable, magnets, stop), the pivot rolls or gives way "
+    "before it slides, or the angle's scale is wrong",
+    "speed": "friction or drag that no law of the speed describes, a channel that is late or filtered, or two tones of "
+    "which one is near resonance",
+    "place": "a torque depends on the angle, or its zero or scale is wrong",
     "direction": "something is one-sided: a cable, backlash, an encoder off centre",
     "rise": "channels are not read at the same instant, or backlash or a cable with hysteresis acts",
 }
@@ -70,16 +76,19 @@ def not_predicted(evidence: Evidence, judged: Judged) -> list[Finding]:
     return [Finding(0.0, text)]
 
 
-def parts_disagree(evidence: Evidence, judged: Judged) -> list[Finding] | None:
-    """Whether parts of the log certainly disagree."""
-    if not evidence.parts:
-        return None
-    found = [one for one in evidence.parts if abs(one.off) > CERTAIN * one.u]
-    if not found:
-        return []
-    worst = max(found, key=lambda one: abs(one.off))
-    text = f"{_differ(worst, judged.value)}, one of {len(evidence.parts)} such comparisons: {CAUSES[worst.name]}."
-    return [Finding(worst.off, text)]
+def disagreeing(*names: str) -> Callable[[Evidence, Judged], list[Finding] | None]:
+    """The test whether the parts of the log that are compared under these names certainly disagree."""
+
+    def test(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+        compared = [one for one in evidence.parts if one.name in names]
+        found = [one for one in compared if abs(one.off) > CERTAIN * one.u]
+        worst = max(found, key=lambda one: abs(one.off), default=None)
+        if worst is None:
+            return [] if compared else None
+        text = f"{_differ(worst, judged.value)}, one of {len(evidence.parts)} such comparisons: {CAUSES[worst.name]}."
+        return [Finding(worst.off, text)]
+
+    return test
 
 
 def impulse_fitted(evidence: Evidence, judged: Judged) -> list[Finding]:
@@ -97,7 +106,8 @@ def impulse_fitted(evidence: Evidence, judged: Judged) -> list[Finding]:
 
 def mirrored_differ(evidence: Evidence, judged: Judged) -> list[Finding]:
     """A note on each pair of parts that mirror one another and differ, which is not in the inertia of the whole."""
-    found = [one for one in evidence.parts if one.name in MIRRORED and abs(one.deviation) > CERTAIN]
+    mirrored = [one for one in evidence.parts if one.name in MIRRORED and abs(one.deviation) > CERTAIN]
+    found = [one for one in mirrored if abs(one.off) <= CERTAIN * one.u]
     return [
         Finding(0.0, f"{_differ(one, judged.value)}: {CAUSES[one.name]}; in the whole log that cancels.")
         for one in found

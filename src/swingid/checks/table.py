@@ -13,17 +13,16 @@ from swingid.balance.parts import unexplained
 from swingid.balance.systematics import place_torque
 from swingid.checks.angle import scale_off, zero_off
 from swingid.checks.closure import balance_open
-from swingid.checks.free_decay import period_of_amplitude
 from swingid.checks.hypothesis import Evidence, Hypothesis, Judged
 from swingid.checks.latency import channel_late
-from swingid.checks.place import PLACE, place_found, spring_not_stated
+from swingid.checks.place import PLACE, place_found, spring_not_stated, torque_computed
 from swingid.checks.ran import ran
 from swingid.checks.stability import (
     PARTS,
+    disagreeing,
     impulse_fitted,
     mirrored_differ,
     not_predicted,
-    parts_disagree,
     slow_changes,
     slow_entries,
 )
@@ -37,13 +36,16 @@ ANGLE = ("zero-off", "angle-scale")
 ASIDE = ("zero-off", "gravity-torque-disagrees", "encoder-nonlinearity")
 """What seems to be a torque that depends on the angle; an error of its scale is one that is."""
 
-BIASED = ("angle-scale", *ASIDE, "place-torque")
+BIASED = ("torque-computed", "angle-scale", *ASIDE, "place-torque")
 """What leaves residuals of the balance."""
 
-UNDETERMINED = ("gravity-and-inertia", "near-resonance", "not-identifiable")
+UNDETERMINED = ("gravity-and-inertia", "not-identifiable")
 """What makes parts of a log disagree by little."""
 
 TABLE = (
+    # a torque that is commanded may be a spring in software: a note
+    Hypothesis("torque", "torque-computed", torque_computed, "the torque is no linear function of the angle",
+               limit="alone", note=True, contradicts=True),
     Hypothesis("angle-zero", "zero-off", zero_off, "zero of the angle",
                limit="angle", kind=Kind.ANGLE_ZERO, contradicts=True),
     Hypothesis("angle-scale", "angle-scale", scale_off, "scale of the angle",
@@ -57,17 +59,18 @@ TABLE = (
     Hypothesis("encoders", "encoder-nonlinearity", encoders_bent, "encoder nonlinearity as stated against the log",
                limit="balance", own=True, kind=Kind.ENCODER_NONLINEARITY, contradicts=True),
     Hypothesis("place", "place-torque", place_found, "torques that depend on the angle and are not stated",
-               limit="place", unless=ASIDE, contradicts=True,
+               limit="place", unless=("torque-computed", *ASIDE), contradicts=True,
                entries=lambda evidence, u, own: {PLACE: place_torque(evidence.place, u)}),
     Hypothesis("closure", "balance-open", balance_open, "the balance closes: its residuals are small",
                limit="alone", unless=BIASED, contradicts=True),
     Hypothesis("latency", "late-channel", channel_late, "timing of the channels against each other",
                limit="timing", kind=Kind.LATE_CHANNEL, contradicts=True),
-    # a note: on foreign logs of cameras it is significant where the answers meet the evidence
-    Hypothesis("period", "period-disagrees", period_of_amplitude, "period of a free decay against its amplitude",
-               note=True, unless=(*BIASED, "balance-open")),
-    Hypothesis("parts", "parts-disagree", parts_disagree, "parts of the log agree with one another",
-               limit="alone", unless=(*BIASED, "balance-open", "late-channel", *UNDETERMINED),
+    Hypothesis("period", "period-disagrees", disagreeing("amplitude", "speed", "place"),
+               "period against amplitude: the inertia is the same at every size, speed and place of the swings",
+               limit="alone", note=True, unless=(*BIASED, "balance-open", "late-channel", *UNDETERMINED)),
+    Hypothesis("parts", "parts-disagree", disagreeing("time", "direction", "rise"),
+               "parts of the log agree with one another", limit="alone", note=True,
+               unless=("period-disagrees", *BIASED, "balance-open", "late-channel", *UNDETERMINED),
                entries=lambda evidence, u, own: {PARTS: unexplained(evidence.parts, u)}),
     Hypothesis("", "reversal-impulse", impulse_fitted, own=True, note=True),
     Hypothesis("stability", "friction-changes", slow_changes("friction"),

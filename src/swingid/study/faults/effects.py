@@ -24,6 +24,9 @@ MEMORY = 0.02
 YIELDS = (0.05, 0.1, 0.2, 0.4, 0.8)
 """Angles (rad) after a reversal at which the parts of a cable slip, as a bundle of wires does from the outside in."""
 
+TAKEN_UP = 0.02
+"""Torque at which the play of a gear is taken up to three quarters, as a share of the gravity torque."""
+
 STIFF = 20.0
 """Stiffness of a stop over its severity, in units of the gravity torque per rad."""
 
@@ -177,6 +180,20 @@ def backlash(log: Recording, scene: Scene, play: float) -> Recording:
     return _moved(log, scene, read - scene.angle)
 
 
+def motor_backlash(log: Recording, scene: Scene, play: float) -> Recording:
+    """The encoder sits on the motor, whose gear has this play (rad): ahead of the axis by half of it, by the torque."""
+    assert log.torque is not None
+    side = np.tanh(np.interp(scene.time, log.time, log.torque) / (TAKEN_UP * scene.scale))
+    return _moved(log, scene, play / 2 * side)
+
+
+def slipping_wheel(log: Recording, _scene: Scene, share: float) -> Recording:
+    """The wheel's encoder sits on the motor's shaft, on which the wheel slips by this share as it turns forward."""
+    assert log.wheel_angle is not None
+    forward = np.maximum(np.diff(log.wheel_angle, prepend=log.wheel_angle[0]), 0.0)
+    return replace(log, wheel_angle=log.wheel_angle + share * np.cumsum(forward))
+
+
 def _moved(log: Recording, scene: Scene, further: Array) -> Recording:
     """The log of an encoder that is turned further by some angle (rad) at the scene's instants, on its grid again."""
     step = scene.rig.sensors.of("angle").resolution
@@ -226,6 +243,16 @@ def soft_base(scene: Scene, frequency: float) -> Array:
         speed += step * found[k]
         place += step * speed
     return np.asarray(-0.01 * scene.rig.axis.inertia.value * found * np.cos(scene.angle))
+
+
+def rolling_base(scene: Scene, share: float) -> Array:
+    """A base that rolls freely: (m l)²/M is this share of the axis' inertia, M the mass of body and base.
+
+    x'' = −(m l/M) (q'' cos q − q'² sin q), and the torque on the axis is −m l x'' cos q.
+    """
+    assert scene.rig.axis.inertia is not None
+    pull = scene.acceleration * np.cos(scene.angle) - scene.speed**2 * np.sin(scene.angle)
+    return np.asarray(share * scene.rig.axis.inertia.value * pull * np.cos(scene.angle))
 
 
 def warming(scene: Scene, share: float) -> Array:

@@ -287,6 +287,12 @@ _RECORDS = (
         torque=effects.soft_base,
     ),
     Fault(
+        "rolling base",
+        "base that rolls freely, square of the first moment over the mass as a share of the inertia",
+        {"0.1 %": 1e-3, "0.3 %": 3e-3, "1 %": 1e-2},
+        torque=effects.rolling_base,
+    ),
+    Fault(
         "soft shaft",
         "encoder on a shaft that twists",
         {"200 Hz": 200.0, "60 Hz": 60.0, "20 Hz": 20.0},
@@ -297,6 +303,20 @@ _RECORDS = (
         "encoder driven with play",
         {"0.02°": np.deg2rad(0.02), "0.1°": np.deg2rad(0.1), "0.5°": np.deg2rad(0.5)},
         columns=effects.backlash,
+    ),
+    Fault(
+        "motor backlash",
+        "encoder on the motor, before a gear with play",
+        {"0.02°": np.deg2rad(0.02), "0.1°": np.deg2rad(0.1), "0.5°": np.deg2rad(0.5)},
+        columns=effects.motor_backlash,
+        drives=(DIRECT,),
+    ),
+    Fault(
+        "slipping wheel",
+        "wheel that slips on the shaft of its encoder in one direction",
+        {"0.1 %": 1e-3, "0.3 %": 3e-3, "1 %": 1e-2},
+        columns=effects.slipping_wheel,
+        drives=(WHEEL,),
     ),
     Fault(
         "warming",

@@ -68,7 +68,7 @@ def test_every_step_on_the_twin(tmp_path):
         page = chromium.new_page(viewport={"width": 1200, "height": 1200})
         errors = listen(page)
         page.goto(address)
-        page.get_by_role("button", name="Connect").wait_for(timeout=SLOW)
+        page.get_by_role("button", name="Connect", exact=True).wait_for(timeout=SLOW)
         # nothing can be run before it was checked
         for name in ("Check", "Rehearse", "Run", "Result", "Keep"):
             assert waits(page, name).count() == 1
@@ -113,7 +113,7 @@ def test_stop_two_pages_and_a_slow_network(tmp_path):
         ready_to_run(page, 600)  # on the twin in its own time: some minutes, if nobody stops it
         other.goto(address)
         other.get_by_text("Another page controls this rig").wait_for(timeout=SLOW)
-        assert other.get_by_role("button", name="Connect").is_disabled()
+        assert other.get_by_role("button", name="Connect", exact=True).is_disabled()
         click(page, "Run")
         page.get_by_text(re.compile(r"running · [1-9]\d?\.\d s")).wait_for(timeout=SLOW)
         picture(page, "live-running")

@@ -123,7 +123,7 @@ def test_commissioning_and_the_papers_experiment_on_the_image_give_the_inertia(t
     result = identify(log, RIG)
     assert abs(result.inertia.value / 3.022e-3 - 1) < 2e-4
     assert not chip.enabled()
-    rows = {row.name: row.value for row in log_rows(log, result)}
+    rows = {row.words: row.value for row in log_rows(log, result)}
     assert rows["device"].endswith(f"firmware {zlib.crc32(IMAGE):08x}")
 
 

@@ -65,10 +65,18 @@ def contents_of(
     return {
         **channels,
         "drive_held": reading.held,
-        "metadata": metadata if isinstance(metadata, dict) else {},
+        "metadata": (metadata if isinstance(metadata, dict) else {}) | _device_of(table),
         "findings": tuple(reading.findings),
         "source": replace(source, read=True),
     }
+
+
+def _device_of(table: Table) -> dict[str, object]:
+    """Device and firmware that a journal names, as metadata of its recording."""
+    run = table.metadata.get("run")
+    if not isinstance(run, dict):
+        return {}
+    return {"run": {key: run[key] for key in ("device", "firmware") if key in run}}
 
 
 def reading_of(header: Table, first: Table | None, rig: Rig, name: str, repairs: Mapping[str, bool] | None) -> Reading:

@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.choice import FLAT, PASSES, SETTLED, impulse_left, impulse_possible
-from swingid.balance.delays import dry_levels, impulse_of, late_reversals
+from swingid.balance.choice import FLAT, PASSES, SETTLED
+from swingid.balance.delays import dry_friction, dry_levels, late_reversals
 from swingid.balance.fits import columns_of
 from swingid.balance.friction_laws import EXACT, KNOTS, Law, speed_knots
 from swingid.balance.law_choice import LawChoice, slowest_peak
+from swingid.balance.reversals import impulse_found, impulses_expected
 from swingid.checks.consistency import DISAGREES
 from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError
@@ -27,7 +28,7 @@ from swingid.methods.equation_error.fit import ROWS_PER_UNKNOWN, RowFit, fit_row
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.uncertainty.budget import Source, systematic
-from swingid.uncertainty.significance import DETECTED, INDICATED
+from swingid.uncertainty.significance import INDICATED
 
 RICHEST = 8
 """Unknowns of the richest model: inertia, gravity torque, the terms of a law, an impulse at each reversal."""
@@ -110,14 +111,11 @@ def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bo
     part = part.earlier(late)
     plain = fit_rows(part, row_filter, law.unknowns, law, lag)
     memory = fit_rows(part, row_filter, (*law.unknowns, "memory"), law, plain.lag)
-    # dynamic friction is part of the model where its impulse at each reversal is significant
-    spread, size = memory.spread("memory"), abs(memory.value("memory"))
     levels = dry_levels(part.signals, plain)
-    dry = abs(float(law.torque(np.array([1e-9]))[0] - law.torque(np.array([-1e-9]))[0])) / 2
-    dry += float(np.abs(np.mean(levels)))
-    seen = size > DETECTED * spread and impulse_possible(part.equation, part.motion, size, dry)
-    impulse, _ = impulse_left(impulse_of(late, law.torque, levels), size, spread)
-    chosen, more = (memory, ("memory",)) if seen else (plain, ())
+    found = memory.value("memory"), memory.spread("memory")
+    expected = impulses_expected(part.motion, late, law.torque, levels)
+    more, impulse = impulse_found(part.equation, part.motion, found, expected, dry_friction(law.torque, levels))
+    chosen = fit_rows(part, row_filter, (*law.unknowns, *more), law, plain.lag) if more else plain
     others = [(other, weight) for other, weight in likely if other.name != law.name]
     laws = [(one, fit_rows(part, row_filter, (*one.unknowns, *more), one, plain.lag), weight) for one, weight in others]
     others_of = {*cutoff.beside(1 / part.grid.step), *cutoff.down_to(LOWEST / (2 * part.motion.half_period))[1:]}

@@ -20,6 +20,7 @@ import numpy as np
 
 from swingid.balance.fits import WindowFit, columns_of, known_side
 from swingid.balance.friction_laws import Law
+from swingid.balance.reversals import IMPULSES
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import SETTLING
 from swingid.methods.equation_error.filtered import OnGrid, RowFilter, autocorrelation
@@ -43,7 +44,7 @@ EARLIER = 0.75
 LAGS = 1.0
 """Range, in periods of the motion, in which the lag of the instruments is sought."""
 
-OF_DIRECTION = ("coulomb", "stribeck", "stribeck_speed", "offset", "memory")
+OF_DIRECTION = ("coulomb", "stribeck", "stribeck_speed", "offset", *IMPULSES)
 """Regressors of the direction of motion: without noise except at the reversals, so their own instruments."""
 
 

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.choice import IMPULSES, MEMORY
+from swingid.balance.choice import MEMORY
 from swingid.balance.errors import errors_of, sensitivities
 from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, with_declared
 from swingid.balance.friction import FrictionLaw
 from swingid.balance.friction_laws import parameter_weights
 from swingid.balance.level import wandering, with_bias
 from swingid.balance.motor import motor_balance
+from swingid.balance.reversals import IMPULSES
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.systematics import (
     COMPARED,

@@ -25,7 +25,7 @@ from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import SETTLING
 from swingid.methods.equation_error.filtered import OnGrid, RowFilter, autocorrelation
 from swingid.numerics.arrays import Array, Bools, median
-from swingid.numerics.regression import LinearFit, hac_covariance, parzen
+from swingid.numerics.regression import fit_oblique, hac_covariance, parzen
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.freedom import effective_freedom, scatter_freedom
 
@@ -212,7 +212,7 @@ def fit_rows(
         )
     weights = usable.astype(np.float64)
     for _ in range(ROUNDS):
-        fit, inverse = _solve(columns, target, instruments, weights)
+        fit, inverse = fit_oblique(columns, target, instruments, weights)
         before, weights = weights, usable * _huber(fit.residuals, usable)
         if np.array_equal(weights, before):
             break
@@ -271,22 +271,6 @@ def _best_lag(part: OnGrid, row_filter: RowFilter, columns: Array, unknowns: tup
             code="too-short",
         )
     return best
-
-
-def _solve(columns: Array, target: Array, instruments: Array, weights: Array) -> tuple[LinearFit, Array]:
-    """Solution of Z'W (y − X θ) = 0 with its condition for columns of unit length, and the inverse of Z'W X."""
-    used = np.sqrt(weights)[:, None]
-    scale = np.linalg.norm(columns * used, axis=0)
-    scale[scale == 0] = 1.0
-    weighted = (instruments / scale).T * weights
-    gram = weighted @ (columns / scale)
-    left, spread, right = np.linalg.svd(gram)
-    seen = np.divide(1.0, spread, out=np.zeros_like(spread), where=spread > 1e-14 * spread[0])
-    inverse = (right.T * seen) @ left.T / scale[:, None]
-    influence = inverse @ weighted
-    values = influence @ target
-    condition = float(np.sqrt(spread[0] / spread[-1])) if spread[-1] > 0 else float("inf")
-    return LinearFit(values, target - columns @ values, influence, condition), inverse / scale
 
 
 def _huber(residuals: Array, usable: Bools) -> Array:

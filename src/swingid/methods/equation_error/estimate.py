@@ -24,7 +24,7 @@ from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import AT_LEAST, Cutoff
 from swingid.methods.equation_error.filtered import OnGrid, RowFilter
-from swingid.methods.equation_error.fit import ROWS_PER_UNKNOWN, RowFit, fit_rows
+from swingid.methods.equation_error.fit import ROWS_PER_UNKNOWN, RowFit, fit_rows, noise_share
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.uncertainty.budget import Source, systematic
@@ -124,6 +124,11 @@ def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bo
         with suppress(UnanswerableError):  # too low for so short a log
             fit = fit_rows(part, part.filter(other), (*law.unknowns, *more), law, lag)
             cutoffs[f"cut-off {other.frequency:.3g} Hz"] = fit
+    if chosen.lag == 0 and cutoffs:
+        share = noise_share(chosen, next(iter(cutoffs.values())))
+        chosen = chosen.without_bias(*share)
+        laws = [(one, fit.without_bias(*share), weight) for one, fit, weight in laws]
+        cutoffs = {name: fit.without_bias(*share) for name, fit in cutoffs.items()}
     return Selection(chosen, law, likely, tuple(laws), cutoff, cutoffs, impulse, memory.rows["memory"])
 
 

@@ -1,6 +1,13 @@
 """Weighted least squares or instrumental variables on filtered rows, with uncertainties that account for the filter.
 
-Least squares is biased where the regressors are noisy: by the share of noise in the power of the acceleration.
+Least squares is biased where the regressors are noisy: by the share of noise in the power of the acceleration. White
+noise of the sensors is the least of it: a camera's is correlated between frames, and the residuals show all of it. If
+all their power is noise of the acceleration, a11 (1 + s) has no bias, s = residuals² / (a11 q1'')²: that is the
+regression of the acceleration on the other side, and least squares and it bound the inertia (Frisch 1934, "Statistical
+Confluence Analysis by means of Complete Regression Systems"). Which share of the residuals it is, a higher cut-off
+shows, for there s is larger (`noise_share`); X'W X less that noise gives values without the bias (bias-compensated
+least squares; Stoica and Söderström 1982, "Bias correction in least-squares identification").
+
 Instruments remove the bias: the same regressors some time earlier, Σ z_k (y_k − x_k θ) = 0 with z_k = x_(k−lag). The
 lag is longer than the impulse response of the filter, so the noise of the two is independent; and it points to the
 past, so that the response of a controller to that noise is not in the instruments either. Of such lags the one of least
@@ -53,7 +60,8 @@ class RowFit(WindowFit):
     """A fit of filtered rows, with what its uncertainty depends on.
 
     weights (rows,): of the rows, 0 where they are not used. inverse (p, p): of Z'W X. lag: of the instruments in rows
-    (0: least squares). reach: rows up to which correlation is taken into account.
+    (0: least squares). reach: rows up to which correlation is taken into account. compensated: share of a11 by which
+    the bias of noise in the acceleration was corrected. unsure: standard uncertainty of that, None before.
     """
 
     weights: Array
@@ -62,6 +70,8 @@ class RowFit(WindowFit):
     reach: int
     row_filter: RowFilter
     part: OnGrid
+    compensated: float = 0.0
+    unsure: float | None = None
 
     @property
     def of_used(self) -> WindowFit:
@@ -137,7 +147,7 @@ class RowFit(WindowFit):
         found, k = {}, self.unknowns.index(unknown)
         if self.lag == 0:
             share = abs(float(self.inverse[k, 0] / self.inverse[0, 0])) if k else 1.0
-            found["noise in the acceleration (least squares)"] = abs(self.a11) * self.attenuation * share
+            found["noise in the acceleration (least squares)"] = abs(self.a11) * self.bias * share
         if self.noise.resolution > 0:
             found["place of the encoder's grid"] = rms(self.grid_effects(unknown))
         return found
@@ -148,6 +158,36 @@ class RowFit(WindowFit):
         _, response = self.row_filter.response
         variance = self.noise.angle**2 * float(response @ response)
         return float(variance * self.weights.sum() * self.inverse[0, 0])
+
+    @property
+    def bias(self) -> float:
+        """Standard uncertainty of the bias by noise in the acceleration, as a share of a11."""
+        return self.attenuation if self.unsure is None else self.unsure
+
+    @cached_property
+    def scattered(self) -> float:
+        """Share by which noise of the acceleration lowers a11 if it is all that the residuals of the rows are."""
+        power = float(self.weights @ self.fit.residuals**2)
+        return power / max(self.a11**2, 1e-300) * float(self.inverse[0, 0])
+
+    def without_bias(self, share: float, spread: float) -> RowFit:
+        """The fit without the bias by noise of the acceleration, `share` ± `spread` of the residuals' power."""
+        lost = share * self.scattered
+        change = lost * self.inverse[:, 0] / self.inverse[0, 0]
+        shift = np.eye(len(self.unknowns))
+        shift[:, 0] += change
+        residuals = self.fit.residuals - self.columns @ (change * self.a11)
+        fit = replace(
+            self.fit, values=shift @ self.fit.values, residuals=residuals, influence=shift @ self.fit.influence
+        )
+        return replace(
+            self,
+            fit=fit,
+            covariance=shift @ self.covariance @ shift.T,
+            inverse=shift @ self.inverse,
+            compensated=lost,
+            unsure=spread * self.scattered,
+        )
 
     def grid_effects(self, unknown: str = "inertia") -> Array:
         """Errors of an unknown at eight grid phases of the encoder (`systematics.grid_spread`); 0 without a grid.
@@ -188,8 +228,31 @@ class RowFit(WindowFit):
         noise = self._per_sample(self.of("inertia")) - other._per_sample(other.of("inertia"))
         variance = float(np.vdot(noise, noise)) + rms(self.grid_effects() - other.grid_effects()) ** 2
         if self.lag == 0:
-            variance += (self.a11 * (self.attenuation - other.attenuation)) ** 2
+            variance += (self.a11 * (self.bias - other.bias)) ** 2
         return variance
+
+
+def noise_share(fit: RowFit, higher: RowFit) -> tuple[float, float]:
+    """Share of the residuals' power that is noise of the acceleration, with its standard uncertainty.
+
+    White noise of the axis is part of it, that of the wheel is not, nor is what grows less than in proportion to the
+    cut-off: an error of the acceleration redder than white noise is a force. Between these bounds the share is uniform
+    a priori. The estimate falls to a fit at another, higher cut-off by this share of what `scattered` grows, within
+    the uncertainty of their difference.
+    """
+    wheel = (fit.value("wheel") * fit.noise.wheel / max(abs(fit.a11) * fit.noise.angle, 1e-300)) ** 2
+    power = max(fit.scattered, fit.attenuation * (1 + wheel), 1e-300)
+    growth = higher.row_filter.cutoff.frequency / fit.row_filter.cutoff.frequency - 1
+    low, high = fit.attenuation / power, 1 - fit.attenuation * wheel / power
+    high = max(min(high, (higher.scattered - fit.scattered) / (growth * power)), low)
+    own, others = (one.variance(one.of("inertia")) for one in (fit, higher))
+    variance = max(fit.variance_of_difference(higher), abs(own - others))
+    slope = fit.a11 * (higher.scattered - fit.scattered)
+    prior = (high - low) ** 2 / 12
+    weight = prior * slope**2 / max(prior * slope**2 + variance, 1e-300)
+    middle = (low + high) / 2
+    share = middle + weight * ((fit.a11 - higher.a11) / slope - middle if slope else 0.0)
+    return min(max(share, low), high), float(np.sqrt(prior * (1 - weight)))
 
 
 def fit_rows(

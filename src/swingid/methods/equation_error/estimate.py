@@ -40,10 +40,7 @@ PLAIN = ("coulomb", "viscous")
 """Friction of the fits by which the cut-off is chosen and the choice of the law begins."""
 
 POSSIBLE = 1e-3
-"""Probability below which a law is not fitted."""
-
-TOGETHER = 8
-"""Hat functions that are filtered together."""
+"""Probability below which a law is not fitted: its distance counts by the root of it, 3 %, in `between_laws`."""
 
 Weighted = tuple[tuple[Law, float], ...]
 """Laws with their probabilities."""
@@ -211,4 +208,4 @@ def _filtered_hats(row_filter: RowFilter, speeds: Array, knots: Array) -> Array:
     columns = np.zeros((len(knots), len(speeds)))
     at = left * len(speeds) + np.arange(len(speeds))
     columns.ravel()[at], columns.ravel()[at + len(speeds)] = 1 - share, share
-    return np.vstack([row_filter(*columns[first : first + TOGETHER]) for first in range(0, len(knots), TOGETHER)])
+    return row_filter(*columns)

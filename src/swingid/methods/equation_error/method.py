@@ -87,14 +87,9 @@ def equation_error(
         warnings += rig_file.warnings(inertia)
         notes += rig_file.notes(inertia)
         found = rig_file.widened(found)
-    drawn, covariance = details(selected, span), _covariance(chosen) if equation.seeks("gravity_torque") else {}
+    covariance = chosen.covariances("inertia", "gravity_torque") if equation.seeks("gravity_torque") else {}
+    drawn = details(selected, span)
     return prepared.result("equation-error", found, part, warnings, notes, drawn, options, covariance=covariance)
-
-
-def _covariance(fit: RowFit) -> dict[str, dict[str, float]]:
-    """Type A covariance of inertia and gravity torque, the first two unknowns."""
-    names = fit.unknowns[:2]
-    return {one: {other: float(fit.covariance[i, j]) for j, other in enumerate(names)} for i, one in enumerate(names)}
 
 
 def _consistency(part: Part, signals: Signals) -> MotorCheck:

@@ -121,14 +121,9 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
         _details(estimate, None if balance is None else balance.as_stated),
         {} if memory == "auto" else {"memory": memory},
         found=moved.corrections,
-        covariance=_covariance(law) if equation.seeks("gravity_torque") else {},
+        # which are correlated at one frequency
+        covariance=law.covariances("inertia", "gravity_torque") if equation.seeks("gravity_torque") else {},
     )
-
-
-def _covariance(law: WindowFit) -> dict[str, dict[str, float]]:
-    """Type A covariance of inertia and gravity torque, which are correlated at one frequency."""
-    at = {name: law.unknowns.index(name) for name in ("inertia", "gravity_torque")}
-    return {one: {other: float(law.covariance[i, j]) for other, j in at.items()} for one, i in at.items()}
 
 
 def _estimate(evidence: Evidence) -> _Estimate:

@@ -90,7 +90,7 @@ def test_drag_that_differs_between_logs_shows_in_repeated_ones_and_widens_the_in
     logs = [coast(1), coast(2, RING), coast(3, coulomb=1.02 * FC), coast(4, RING)]
     even = sw.identify([coast(1), coast(2, RING), coast(3), coast(4, RING)], wheel(), added=[0, RING, 0, RING])
     result = sw.identify(logs, wheel(), added=[0, RING, 0, RING])
-    source = "drag that differs between logs"
+    source = "friction that differs between logs"
     drag = next(e.standard_uncertainty for e in result.budget if e.source == source and e.parameter == "inertia")
     assert 2e-3 * J < drag < 3e-2 * J
     assert covers(result.inertia, J)

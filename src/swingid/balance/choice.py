@@ -11,12 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swingid.balance.delays import dry_friction, dry_levels, impulse_of, late_reversals
+from swingid.balance.delays import dry_levels, late_reversals
 from swingid.balance.errors import bends, late_error
 from swingid.balance.fits import BASIS, LAG, SLIGHT, WindowFit, fit_rows, residuals_beside, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import NEAR_REST, TERMS, with_near_rest
 from swingid.balance.lengths import search
+from swingid.balance.reversals import IMPULSES, impulse_found, impulses_expected, impulses_of
 from swingid.balance.rows import Rows, Signals, retimed, rows_of
 from swingid.balance.slow import SlowKind, slow_kinds, with_slow
 from swingid.balance.systematics import grid_spread
@@ -25,9 +26,8 @@ from swingid.errors import UnanswerableError
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
-from swingid.uncertainty.significance import DETECTED, bayesian, misfit
+from swingid.uncertainty.significance import bayesian, misfit
 
 FLAT = 1.25
 """Of windows whose uncertainties are equal within this factor the longest is taken."""
@@ -46,30 +46,6 @@ MOMENTS = 4000
 
 ONE_SWING = 0.55
 """Half-length, in swings, up to which windows determine friction: longer ones depend on little but its alternation."""
-
-
-REVERSAL = 0.1
-"""Longest time, in swings, over which dry friction of a free decay may still have its old direction.
-
-Nothing but friction acts at its reversals, where a drive has backlash and latencies, too. What acts longer is no
-impulse at the reversal. The impulses that LuGre's bristles and Stribeck's peak make in simulated logs are 0.001 to 0.07
-of the dry friction times a swing; those that correlated errors of a camera or a rate gyro make in logs without dry
-friction are 0.12 and more (logs of benchmarks/strangers.py), and bias the inertia by 1 to 8 %.
-"""
-
-USUAL = 0.01
-"""Usual impulse of dynamic friction, as a share of dry friction times a swing: the geometric mean of 0.001 and 0.1,
-between which those of simulated logs and `REVERSAL` are."""
-
-LIKELIER = 0.5
-"""Probability of such an impulse from which on it is more likely than none."""
-
-IMPULSES = ("memory", "memory_equal")
-"""Impulses at the reversals: by a way over which friction keeps its direction, and what is the same at each of them
-beyond that (bristles' damping, a late turning point)."""
-
-VARIED = 0.1
-"""Standard deviation of the weights of the reversals from which on the two can be told apart."""
 
 
 class Choice(NamedTuple):
@@ -110,7 +86,7 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
         late = late_reversals(signals, torque, abs(seen.a11), noise, levels)
         corrected = signals.earlier(late)
         rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}
-        prior = impulse_of(late, torque, levels), USUAL * signals.motion.half_period * dry_friction(torque, levels)
+        prior = impulses_expected(signals.motion, late, torque, levels)
         tried, impulse = _with_memory(corrected, rows, equation, noise, prior, memory)
         tried = _with_further(corrected, tried)
         tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
@@ -162,10 +138,7 @@ def _with_memory(
 
     prior: the impulse by errors of the turning points, and the usual one of such friction (N m s or N s).
 
-    Dynamic friction (LuGre's bristles), backlash and short sticking let the old direction act a moment longer: an
-    impulse at each reversal, which is an unknown where it is significant beyond noise and grid phase, and where it is
-    likelier than not and to leave it out leaves more uncertain than its estimate is. Where the reversals differ, it has
-    both parts of IMPULSES.
+    It is an unknown by the rule of `impulse_found`; its uncertainty includes the grid phase.
     """
     motion, tried = signals.motion, _fits(rows, equation, noise, BASIS)
     # over a whole swing and more, an impulse at each reversal looks like inertia
@@ -174,18 +147,13 @@ def _with_memory(
     if not remembered or memory == "off":
         return tried, prior[0]
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
-    found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
-    left, probability = impulse_left(prior[0], found, spread, prior[1])
-    # in a free decay a weak one is more often a correlated error of the angle, and left out it is in the interval
-    likely = equation.drive != "none" and probability > LIKELIER and left > spread
-    seen = found > DETECTED * spread or likely
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
-    possible = impulse_possible(equation, motion, found, plain.value("coulomb"))
-    if not (seen and possible) and memory != "on":
-        return tried, left
-    varied = float(np.std(motion.reversals[2])) > VARIED
-    return _fits(short, equation, noise, (*BASIS, *IMPULSES)) if varied else remembered, left
+    found = impulse_found(equation, motion, (sharpest.value("memory"), spread), prior, plain.value("coulomb"))
+    terms = (found.terms or impulses_of(motion)) if memory == "on" else found.terms
+    if not terms:
+        return tried, found.left
+    return remembered if terms == ("memory",) else _fits(short, equation, noise, (*BASIS, *terms)), found.left
 
 
 def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
@@ -245,30 +213,6 @@ def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:
     if fit.equation.drive == "none":
         return found
     return [*found, late_error(fit.rows, signals, fit.coefficients)[:, None]]
-
-
-def impulse_possible(equation: Equation, motion: Motion, impulse: float, dry: float) -> bool:
-    """Whether dry friction (N m or N) can have made an impulse of this size at each reversal, see `REVERSAL`.
-
-    What is fitted in place of dry friction may be negative in a free decay: it drives the motion, and has no memory.
-    """
-    return equation.drive != "none" or impulse < REVERSAL * motion.half_period * dry
-
-
-def impulse_left(prior: float, found: float, spread: float, usual: float = 0.0) -> tuple[float, float]:
-    """Standard uncertainty of the impulse at each reversal (N m s or N s) where the rows give `found` ± `spread`.
-
-    The correction of the turning points has a standard uncertainty equal to its magnitude (`prior`), for friction at
-    rest is extrapolated from faster motion, where a short peak does not show. Dry friction has a memory of its own, an
-    impulse of the size `usual`, or has none: as likely a priori, weighted by the likelihood of `found` (Bayesian model
-    averaging). The rows reduce each to its posterior. Returned: the root of its mean square, the probability of memory.
-    """
-    priors = np.array([prior**2, prior**2 + usual**2])
-    variances = np.maximum(priors + spread**2, 1e-300)
-    likelihood = np.exp(-0.5 * found**2 * (1.0 / variances - 1.0 / variances[1])) / np.sqrt(variances)
-    weight, probability = priors / variances, likelihood / likelihood.sum()
-    squares = (weight * found) ** 2 + weight * spread**2
-    return float(np.sqrt(probability @ squares)), float(probability[1])
 
 
 def _fits(

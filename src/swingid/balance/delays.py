@@ -60,11 +60,6 @@ def dry_friction(torque: Torque, levels: Array | float = 0.0) -> float:
     return float(abs(above - below + 2 * (np.mean(levels) if np.size(levels) else 0.0))) / 2
 
 
-def impulse_of(late: Array, torque: Torque, levels: Array | float = 0.0) -> float:
-    """Impulse (N m s or N s) by the jump of friction at turning points that are late by `late`."""
-    return float(np.sqrt(np.mean(late**2))) * 2 * dry_friction(torque, levels)
-
-
 def lateness(motion: Motion, torque: Torque, inertia: float, levels: Array | float = 0.0) -> Array:
     """Delay (s) of each turning point where all of the friction, torque(speeds), accelerates the inertia.
 

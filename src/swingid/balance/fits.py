@@ -74,6 +74,11 @@ class NamedFit:
         k = self.unknowns.index(name)
         return float(np.sqrt(self.covariance[k, k]))
 
+    def covariances(self, *names: str) -> dict[str, dict[str, float]]:
+        """Type A covariances of these unknowns, by their names."""
+        at = {name: self.unknowns.index(name) for name in names}
+        return {one: {other: float(self.covariance[i, j]) for other, j in at.items()} for one, i in at.items()}
+
     @property
     def values(self) -> dict[str, float]:
         """Fitted values by the names of the unknowns."""

@@ -33,12 +33,21 @@ from swingid.result.data import FrictionCurve
 
 @dataclass(frozen=True)
 class FrictionLaw(Law):
-    """The chosen law: covariance of its unknowns and influence of the rows on them, and the curve."""
+    """The chosen law and the curve, with covariance and influence of the rows of everything that is friction.
 
+    further: coefficients of the rig's own terms of friction (drag, load) by name, behind the unknowns of the law.
+    """
+
+    further: Mapping[str, float]
     covariance: Array
     influence: Array
     rows: Rows
     curve: FrictionCurve
+
+    @property
+    def coefficients_by_name(self) -> dict[str, float]:
+        """Values of the unknowns of the law, then of the further terms, in the order of the covariance."""
+        return {**dict(zip(self.unknowns, self.values.tolist(), strict=True)), **self.further}
 
 
 def fit_friction(
@@ -47,17 +56,30 @@ def fit_friction(
     """Best law by the Bayesian information criterion, and the curve, with an inertia fitted beside each.
 
     The inertia (and an unknown gravity torque) is fitted again with every law, so that its bias on these windows does
-    not bias the friction. memory: coefficients of the impulses at the reversals, as found before. impulse: standard
-    uncertainty of the one at each reversal. noise: standard deviation of one sample of the angle.
+    not bias the friction. Further terms of friction are fitted with every law, too, and are part of it. memory:
+    coefficients of the impulses at the reversals, as found before. impulse: standard uncertainty of the one at each
+    reversal. noise: standard deviation of one sample of the angle.
     """
     friction = FrictionRows.of(signals, rows)
     target = known_side(rows, equation) - rows.sum_of(memory)
-    _, body = columns_of(rows, equation, ())
+    names, body = columns_of(rows, equation, ())
     choice = LawChoice.of(body, friction.columns, target, friction.knots, slowest_peak(signals.motion, noise))
-    law = choice.best.law
+    law, values = choice.best.law, dict(zip(names, choice.best.values.tolist(), strict=False))
+    further = {name: values[name] for name in equation.further_friction}
+    own = [*range(size := len(law.unknowns)), *(size + names.index(name) for name in further)]
     covariance, influence = _fitted(friction, body, target, law, impulse)
-    curve = _curve(friction, law, covariance, choice, len(target))
-    return FrictionLaw(law.name, law.terms, law.coefficients, law.stribeck_speed, covariance, influence, rows, curve)
+    curve = _curve(friction, law, covariance[:size, :size], choice, len(target))
+    return FrictionLaw(
+        law.name,
+        law.terms,
+        law.coefficients,
+        law.stribeck_speed,
+        further,
+        covariance[np.ix_(own, own)],
+        influence[own],
+        rows,
+        curve,
+    )
 
 
 def first_torque(signals: Signals, rows: Rows, equation: Equation) -> Callable[[Array], Array]:
@@ -81,7 +103,7 @@ def first_torque(signals: Signals, rows: Rows, equation: Equation) -> Callable[[
 
 
 def _fitted(friction: FrictionRows, body: Array, target: Array, law: Law, impulse: float) -> tuple[Array, Array]:
-    """Covariance of the unknowns of a law, and influence of the rows; a Stribeck speed is linearised.
+    """Covariance of the unknowns of a law and of the body, and influence of the rows; a Stribeck speed is linearised.
 
     impulse: standard uncertainty of the impulse at each reversal. The search for the speed has converged, so its step
     is negligible.
@@ -90,9 +112,8 @@ def _fitted(friction: FrictionRows, body: Array, target: Array, law: Law, impuls
     if "stribeck" in law.terms:
         weights = np.column_stack([weights, law.peak * slope_weights(friction.knots, law.stribeck_speed)])
     fit = fit_linear(np.column_stack([friction.columns @ weights, body]), target)
-    own = slice(0, len(law.unknowns))
-    timing = fit.influence[own] @ friction.rows["memory"] * impulse
-    return fit.covariance(LAG)[own, own] + np.outer(timing, timing), fit.influence[own]
+    timing = fit.influence @ friction.rows["memory"] * impulse
+    return fit.covariance(LAG) + np.outer(timing, timing), fit.influence
 
 
 def _curve(friction: FrictionRows, law: Law, covariance: Array, choice: LawChoice, rows: int) -> FrictionCurve:

@@ -67,6 +67,9 @@ CURVE_KNOTS = 7
 
 NO_CANDIDATES: Mapping[str, float] = {}
 
+DIRECTED_TERMS = ("coulomb", "stribeck", "viscous", "viscous_even", "offset")
+"""Terms whose coefficients are combined to the parameters of a law, see `parameter_weights`."""
+
 COULOMB, OFFSET = EXACT.index("coulomb"), EXACT.index("offset")
 
 KNOTS = 28
@@ -115,7 +118,8 @@ def parameter_weights(terms: tuple[str, ...]) -> dict[str, Array]:
     """Weights of each friction parameter on the coefficients of a law: parameter = weights @ coefficients.
 
     A direction-dependent law c0 sgn v + c1 v + d0 + d1 |v| has coulomb_positive = c0 + d0, coulomb_negative =
-    c0 − d0, viscous_positive = c1 + d1, viscous_negative = c1 − d1. A last "term" stribeck_speed is a parameter itself.
+    c0 − d0, viscous_positive = c1 + d1, viscous_negative = c1 − d1. A last "term" stribeck_speed is a parameter itself,
+    and so is any further term of friction behind the law's own.
     """
     unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
     nothing = np.zeros(len(terms))
@@ -134,7 +138,7 @@ def parameter_weights(terms: tuple[str, ...]) -> dict[str, Array]:
         weights["viscous_negative"] = viscous - unit["viscous_even"]
     elif "viscous" in unit:
         weights["viscous"] = unit["viscous"]
-    weights |= {name: unit[name] for name in ("quadratic", "cubic", "stribeck_speed") if name in unit}
+    weights |= {name: own for name, own in unit.items() if name not in DIRECTED_TERMS}
     if "offset" in unit and not (directed and "coulomb" in unit):
         weights["offset"] = unit["offset"]
     return weights

@@ -49,13 +49,12 @@ def _error(effect: Effect) -> float:
 
 def wandering(law: WindowFit, friction: FrictionLaw, signals: Signals) -> Array:
     """Covariance of the terms of friction by what is left unknown of the angle."""
-    level, size = signals.encoders.level, len(friction.unknowns)
-    found = np.zeros((size, size))
+    level, found = signals.encoders.level, np.zeros_like(friction.covariance)
     if level is None or not law.wandering:
         return found
     left = channel_errors(friction.rows, signals, [effect.item.of for effect in law.wandering], law.coefficients)
     for effect, error in zip(law.wandering, left, strict=True):
-        change = friction.influence[:size] @ error.rows * effect.spread * effect.item.std
+        change = friction.influence @ error.rows * effect.spread * effect.item.std
         found += np.outer(change, change)
     return found
 

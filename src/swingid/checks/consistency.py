@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.choice import FLAT, impulse_possible
+from swingid.balance.choice import FLAT
 from swingid.balance.fits import BASIS, WindowFit, fit_rows
 from swingid.balance.motor import MotorBalance, motor_balance
+from swingid.balance.reversals import impulse_possible
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import Fault, check_answer, check_motor, check_sign, voltage_remedy, wrong_sign

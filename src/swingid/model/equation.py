@@ -87,6 +87,11 @@ class Equation:
         return tuple(name for name, one in self.coefficients.items() if one.value is None)
 
     @cached_property
+    def further_friction(self) -> tuple[str, ...]:
+        """Further terms of friction, whose coefficients are sought: they are odd in the speed."""
+        return tuple(one.name for one in self.further if one.term.odd and self.seeks(one.name))
+
+    @cached_property
     def stated(self) -> dict[str, float]:
         """Known coefficients by the names of their terms."""
         return {name: one.value for name, one in self.coefficients.items() if one.value is not None}

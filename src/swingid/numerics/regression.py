@@ -132,6 +132,27 @@ def _by_singular_values(scaled: Array, smallest: float) -> tuple[Array, Any]:
     return influence, np.inf if lost else float(sizes[0] / sizes[-1])
 
 
+def fit_oblique(
+    columns: Array, target: Array, instruments: Array, weights: Array | float = 1.0, *, smallest: float = 1e-7
+) -> tuple[LinearFit, Array]:
+    """Instrumental variables, Z'W (y − X θ) = 0: the fit, and the inverse of Z'W X (p, p).
+
+    columns X, instruments Z (n, p), target y (n,), weights W (n,); Z = X is weighted least squares. Columns are scaled
+    to unit length; directions below `smallest`² of the largest singular value of Z'W X are dropped. The condition is
+    the root of that of Z'W X.
+    """
+    scale = np.linalg.norm(columns * np.sqrt(weights)[..., None], axis=0)
+    scale[scale == 0] = 1.0
+    weighted = (instruments / scale).T * weights
+    left, sizes, right = np.linalg.svd(weighted @ (columns / scale))
+    seen = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > smallest**2 * sizes[0])
+    inverse = (right.T * seen) @ left.T / scale[:, None]
+    influence = inverse @ weighted
+    values = influence @ target
+    condition = float(np.sqrt(sizes[0] / sizes[-1])) if sizes[-1] > 0 else np.inf
+    return LinearFit(values, target - columns @ values, influence, condition), inverse / scale
+
+
 COLLINEAR = 1e-9
 """Share of a further column below which what the columns of a fit leave of it is rounding."""
 

@@ -16,7 +16,7 @@ from swingid.balance.fits import BASIS, NamedFit, columns_of, known_side
 from swingid.methods.energy.balance import PassRows
 from swingid.model.equation import Equation
 from swingid.numerics.arrays import Array
-from swingid.numerics.regression import LinearFit, block_covariance, fit_linear
+from swingid.numerics.regression import block_covariance, fit_linear, fit_oblique
 
 SMALLEST = 1e-6
 """Least singular value of the scaled columns, as a share of the largest, of a direction that is identifiable."""
@@ -60,18 +60,14 @@ def fit_passes(
     """
     unknowns, columns = columns_of(rows, equation, terms)
     matrix, target = rows.within(columns.T).T, rows.within(known_side(rows, equation))
-    fit = _with_instruments(rows, matrix, target) if instruments else fit_linear(matrix, target, smallest=SMALLEST)
+    if instruments:
+        blocks, others = len(rows.instants), matrix.copy()
+        others[:, 0] = rows.blocks(matrix[:, 0])[np.append(np.arange(1, blocks), blocks - 2)].ravel()
+        fit, _ = fit_oblique(matrix, target, others, smallest=SMALLEST)
+    else:
+        fit = fit_linear(matrix, target, smallest=SMALLEST)
     scores = rows.blocks(fit.influence * fit.residuals).sum(axis=2)
     return PassFit(unknowns, fit, block_covariance(scores, len(unknowns)), rows, equation)
-
-
-def _with_instruments(rows: PassRows, matrix: Array, target: Array) -> LinearFit:
-    blocks = len(rows.instants)
-    others = matrix.copy()
-    others[:, 0] = rows.blocks(matrix[:, 0])[np.append(np.arange(1, blocks), blocks - 2)].ravel()
-    influence = np.linalg.pinv(others.T @ matrix, rcond=SMALLEST**2) @ others.T
-    values = influence @ target
-    return LinearFit(values, target - matrix @ values, influence, float("nan"))
 
 
 def sensor_variance(fit: PassFit) -> float:

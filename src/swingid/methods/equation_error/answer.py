@@ -74,7 +74,7 @@ def details(found: Selection, span: tuple[float, float]) -> Details:
         estimates={name: (one.inertia, one.u) for name, one in fits.items()},
         residual_times=fit.row_filter.instants[used],
         residuals=fit.fit.residuals[used],
-        extra={"cutoff": found.cutoff.frequency},
+        extra={"cutoff": found.cutoff.frequency, "attenuation": fit.compensated},
     )
 
 

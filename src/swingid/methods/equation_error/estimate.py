@@ -13,21 +13,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.choice import FLAT, PASSES, SETTLED, impulse_left, impulse_possible
-from swingid.balance.delays import dry_levels, impulse_of, late_reversals
+from swingid.balance.choice import FLAT, PASSES, SETTLED
+from swingid.balance.delays import dry_friction, dry_levels, late_reversals
 from swingid.balance.fits import columns_of
 from swingid.balance.friction_laws import EXACT, KNOTS, Law, speed_knots
 from swingid.balance.law_choice import LawChoice, slowest_peak
+from swingid.balance.reversals import impulse_found, impulses_expected
 from swingid.checks.consistency import DISAGREES
 from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import AT_LEAST, Cutoff
 from swingid.methods.equation_error.filtered import OnGrid, RowFilter
-from swingid.methods.equation_error.fit import ROWS_PER_UNKNOWN, RowFit, fit_rows
+from swingid.methods.equation_error.fit import ROWS_PER_UNKNOWN, RowFit, fit_rows, noise_share
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.uncertainty.budget import Source, systematic
-from swingid.uncertainty.significance import DETECTED, INDICATED
+from swingid.uncertainty.significance import INDICATED
 
 RICHEST = 8
 """Unknowns of the richest model: inertia, gravity torque, the terms of a law, an impulse at each reversal."""
@@ -39,10 +40,7 @@ PLAIN = ("coulomb", "viscous")
 """Friction of the fits by which the cut-off is chosen and the choice of the law begins."""
 
 POSSIBLE = 1e-3
-"""Probability below which a law is not fitted."""
-
-TOGETHER = 8
-"""Hat functions that are filtered together."""
+"""Probability below which a law is not fitted: its distance counts by the root of it, 3 %, in `between_laws`."""
 
 Weighted = tuple[tuple[Law, float], ...]
 """Laws with their probabilities."""
@@ -110,14 +108,11 @@ def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bo
     part = part.earlier(late)
     plain = fit_rows(part, row_filter, law.unknowns, law, lag)
     memory = fit_rows(part, row_filter, (*law.unknowns, "memory"), law, plain.lag)
-    # dynamic friction is part of the model where its impulse at each reversal is significant
-    spread, size = memory.spread("memory"), abs(memory.value("memory"))
     levels = dry_levels(part.signals, plain)
-    dry = abs(float(law.torque(np.array([1e-9]))[0] - law.torque(np.array([-1e-9]))[0])) / 2
-    dry += float(np.abs(np.mean(levels)))
-    seen = size > DETECTED * spread and impulse_possible(part.equation, part.motion, size, dry)
-    impulse, _ = impulse_left(impulse_of(late, law.torque, levels), size, spread)
-    chosen, more = (memory, ("memory",)) if seen else (plain, ())
+    found = memory.value("memory"), memory.spread("memory")
+    expected = impulses_expected(part.motion, late, law.torque, levels)
+    more, impulse = impulse_found(part.equation, part.motion, found, expected, dry_friction(law.torque, levels))
+    chosen = fit_rows(part, row_filter, (*law.unknowns, *more), law, plain.lag) if more else plain
     others = [(other, weight) for other, weight in likely if other.name != law.name]
     laws = [(one, fit_rows(part, row_filter, (*one.unknowns, *more), one, plain.lag), weight) for one, weight in others]
     others_of = {*cutoff.beside(1 / part.grid.step), *cutoff.down_to(LOWEST / (2 * part.motion.half_period))[1:]}
@@ -126,6 +121,11 @@ def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bo
         with suppress(UnanswerableError):  # too low for so short a log
             fit = fit_rows(part, part.filter(other), (*law.unknowns, *more), law, lag)
             cutoffs[f"cut-off {other.frequency:.3g} Hz"] = fit
+    if chosen.lag == 0 and cutoffs:
+        share = noise_share(chosen, next(iter(cutoffs.values())))
+        chosen = chosen.without_bias(*share)
+        laws = [(one, fit.without_bias(*share), weight) for one, fit, weight in laws]
+        cutoffs = {name: fit.without_bias(*share) for name, fit in cutoffs.items()}
     return Selection(chosen, law, likely, tuple(laws), cutoff, cutoffs, impulse, memory.rows["memory"])
 
 
@@ -208,4 +208,4 @@ def _filtered_hats(row_filter: RowFilter, speeds: Array, knots: Array) -> Array:
     columns = np.zeros((len(knots), len(speeds)))
     at = left * len(speeds) + np.arange(len(speeds))
     columns.ravel()[at], columns.ravel()[at + len(speeds)] = 1 - share, share
-    return np.vstack([row_filter(*columns[first : first + TOGETHER]) for first in range(0, len(knots), TOGETHER)])
+    return row_filter(*columns)

@@ -17,6 +17,7 @@ import numpy as np
 
 from swingid.balance.friction_laws import TERMS, Law, stribeck_slope
 from swingid.balance.perturbations import slopes_by
+from swingid.balance.reversals import IMPULSES
 from swingid.balance.rows import Rows, Signals, Windows, smooth_columns
 from swingid.methods.equation_error.cutoff import SETTLING, Cutoff
 from swingid.methods.equation_error.grid import STENCIL, Grid, as_held, curvature, even_grid, slope
@@ -33,7 +34,7 @@ DECAYED = 12.0
 """Periods of the cut-off after which nothing of an impulse is left within the accuracy of the arithmetic."""
 
 SMEARED = 0.5
-"""Periods of the cut-off around a rest or a gap in which rows are not used."""
+"""Periods of the cut-off around a rest or a gap in which rows are not used: 98 % of the response's power is there."""
 
 GRID_PHASES = 8
 
@@ -119,7 +120,7 @@ class OnGrid:
     """The used part of a log on its grid, with the terms of equation (I) there; closed: as of `RowFilter.of`.
 
     The direction of motion jumps where the axis turns around, between two rows or not. The viscous term is the slope of
-    the angle itself. "memory" is an impulse at each reversal, by dynamic friction or backlash; "stribeck_speed" the
+    the angle itself. IMPULSES are those at each reversal, weighted as by `Motion.reversals`; "stribeck_speed" is the
     derivative of a peak of some height by its speed. kept: columns and, by the cut-off (Hz), rows, each computed once.
     """
 
@@ -145,7 +146,7 @@ class OnGrid:
     def earlier(self, late: Array) -> OnGrid:
         """The same with every turning point `late` seconds earlier (one value each)."""
         dry = {own.name for own in self.equation.further if own.term.is_dry}
-        turning = {"coulomb", "stribeck", "memory"} | dry
+        turning = {"coulomb", "stribeck", *IMPULSES} | dry
         steady = {key: column for key, column in self.kept.items() if key[0][0] not in turning}
         return replace(self, signals=self.signals.earlier(late), kept=steady)
 
@@ -216,7 +217,8 @@ class OnGrid:
             "viscous": lambda: slope(grid.angle, grid.step),
             "stribeck": lambda: self.column("coulomb") * np.exp(-((self.column("smooth") / numbers[0]) ** 2)),
             "stribeck_speed": lambda: numbers[1] * stribeck_slope(self.column("smooth"), numbers[0]),
-            "memory": self._impulses,
+            "memory": lambda: self._impulses(self.motion.reversals[2]),
+            "memory_equal": lambda: self._impulses(1.0 - self.motion.reversals[2]),
             "grid error": lambda: self._grid_error(*numbers),
         }
         if name in of_name:
@@ -236,15 +238,15 @@ class OnGrid:
             return own.regressor(angle, smooth, self.column("coulomb"))
         return smooth_columns(own, angle, smooth)[name]
 
-    def _impulses(self) -> Array:
-        """An impulse at each reversal in the new direction, shared by the two rows of the grid beside it (1/s)."""
-        grid, motion = self.grid, self.motion
-        place = (motion.turning_times - grid.time[0]) / grid.step
+    def _impulses(self, weights: Array) -> Array:
+        """Impulses at the reversals in the new direction, each shared by the two rows of the grid beside it (1/s)."""
+        grid, (instants, directions, _) = self.grid, self.motion.reversals
+        place = (instants - grid.time[0]) / grid.step
         first = np.clip(place.astype(np.int64), 0, len(grid.time) - 2)
-        share = place - first
+        share, size = place - first, directions * weights / grid.step
         density = np.zeros(len(grid.time))
-        np.add.at(density, first, -motion.sides * (1 - share) / grid.step)
-        np.add.at(density, first + 1, -motion.sides * share / grid.step)
+        np.add.at(density, first, size * (1 - share))
+        np.add.at(density, first + 1, size * share)
         return density
 
 

@@ -1,6 +1,13 @@
 """Weighted least squares or instrumental variables on filtered rows, with uncertainties that account for the filter.
 
-Least squares is biased where the regressors are noisy: by the share of noise in the power of the acceleration.
+Least squares is biased where the regressors are noisy: by the share of noise in the power of the acceleration. White
+noise of the sensors is the least of it: a camera's is correlated between frames, and the residuals show all of it. If
+all their power is noise of the acceleration, a11 (1 + s) has no bias, s = residuals² / (a11 q1'')²: that is the
+regression of the acceleration on the other side, and least squares and it bound the inertia (Frisch 1934, "Statistical
+Confluence Analysis by means of Complete Regression Systems"). Which share of the residuals it is, a higher cut-off
+shows, for there s is larger (`noise_share`); X'W X less that noise gives values without the bias (bias-compensated
+least squares; Stoica and Söderström 1982, "Bias correction in least-squares identification").
+
 Instruments remove the bias: the same regressors some time earlier, Σ z_k (y_k − x_k θ) = 0 with z_k = x_(k−lag). The
 lag is longer than the impulse response of the filter, so the noise of the two is independent; and it points to the
 past, so that the response of a controller to that noise is not in the instruments either. Of such lags the one of least
@@ -20,11 +27,12 @@ import numpy as np
 
 from swingid.balance.fits import WindowFit, columns_of, known_side
 from swingid.balance.friction_laws import Law
+from swingid.balance.reversals import IMPULSES
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import SETTLING
 from swingid.methods.equation_error.filtered import OnGrid, RowFilter, autocorrelation
 from swingid.numerics.arrays import Array, Bools, median
-from swingid.numerics.regression import LinearFit, hac_covariance, parzen
+from swingid.numerics.regression import fit_oblique, hac_covariance, parzen
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.freedom import effective_freedom, scatter_freedom
 
@@ -32,10 +40,13 @@ ROBUST = 5.0
 """Robust standard deviations of a residual beyond which its row weighs less (Huber)."""
 
 ROWS_PER_UNKNOWN = 5
+"""Least rows per unknown: as many as a period of the cut-off has, in which two are independent."""
 
 ROUNDS = 4
+"""Of Huber's weights, at most: eight more change no inertia of 38 foreign logs by more than 1e-3 u."""
 
 LAGS_TRIED = 40
+"""Lags in that range: the best is missed by an 80th of a period at most, where instruments lose cos(2π/80), 0.3 %."""
 
 EARLIER = 0.75
 """Least lag of the instruments in half periods, within which a controller has responded to the noise."""
@@ -43,7 +54,7 @@ EARLIER = 0.75
 LAGS = 1.0
 """Range, in periods of the motion, in which the lag of the instruments is sought."""
 
-OF_DIRECTION = ("coulomb", "stribeck", "stribeck_speed", "offset", "memory")
+OF_DIRECTION = ("coulomb", "stribeck", "stribeck_speed", "offset", *IMPULSES)
 """Regressors of the direction of motion: without noise except at the reversals, so their own instruments."""
 
 
@@ -52,7 +63,8 @@ class RowFit(WindowFit):
     """A fit of filtered rows, with what its uncertainty depends on.
 
     weights (rows,): of the rows, 0 where they are not used. inverse (p, p): of Z'W X. lag: of the instruments in rows
-    (0: least squares). reach: rows up to which correlation is taken into account.
+    (0: least squares). reach: rows up to which correlation is taken into account. compensated: share of a11 by which
+    the bias of noise in the acceleration was corrected. unsure: standard uncertainty of that, None before.
     """
 
     weights: Array
@@ -61,6 +73,8 @@ class RowFit(WindowFit):
     reach: int
     row_filter: RowFilter
     part: OnGrid
+    compensated: float = 0.0
+    unsure: float | None = None
 
     @property
     def of_used(self) -> WindowFit:
@@ -136,7 +150,7 @@ class RowFit(WindowFit):
         found, k = {}, self.unknowns.index(unknown)
         if self.lag == 0:
             share = abs(float(self.inverse[k, 0] / self.inverse[0, 0])) if k else 1.0
-            found["noise in the acceleration (least squares)"] = abs(self.a11) * self.attenuation * share
+            found["noise in the acceleration (least squares)"] = abs(self.a11) * self.bias * share
         if self.noise.resolution > 0:
             found["place of the encoder's grid"] = rms(self.grid_effects(unknown))
         return found
@@ -147,6 +161,36 @@ class RowFit(WindowFit):
         _, response = self.row_filter.response
         variance = self.noise.angle**2 * float(response @ response)
         return float(variance * self.weights.sum() * self.inverse[0, 0])
+
+    @property
+    def bias(self) -> float:
+        """Standard uncertainty of the bias by noise in the acceleration, as a share of a11."""
+        return self.attenuation if self.unsure is None else self.unsure
+
+    @cached_property
+    def scattered(self) -> float:
+        """Share by which noise of the acceleration lowers a11 if it is all that the residuals of the rows are."""
+        power = float(self.weights @ self.fit.residuals**2)
+        return power / max(self.a11**2, 1e-300) * float(self.inverse[0, 0])
+
+    def without_bias(self, share: float, spread: float) -> RowFit:
+        """The fit without the bias by noise of the acceleration, `share` ± `spread` of the residuals' power."""
+        lost = share * self.scattered
+        change = lost * self.inverse[:, 0] / self.inverse[0, 0]
+        shift = np.eye(len(self.unknowns))
+        shift[:, 0] += change
+        residuals = self.fit.residuals - self.columns @ (change * self.a11)
+        fit = replace(
+            self.fit, values=shift @ self.fit.values, residuals=residuals, influence=shift @ self.fit.influence
+        )
+        return replace(
+            self,
+            fit=fit,
+            covariance=shift @ self.covariance @ shift.T,
+            inverse=shift @ self.inverse,
+            compensated=lost,
+            unsure=spread * self.scattered,
+        )
 
     def grid_effects(self, unknown: str = "inertia") -> Array:
         """Errors of an unknown at eight grid phases of the encoder (`systematics.grid_spread`); 0 without a grid.
@@ -187,8 +231,31 @@ class RowFit(WindowFit):
         noise = self._per_sample(self.of("inertia")) - other._per_sample(other.of("inertia"))
         variance = float(np.vdot(noise, noise)) + rms(self.grid_effects() - other.grid_effects()) ** 2
         if self.lag == 0:
-            variance += (self.a11 * (self.attenuation - other.attenuation)) ** 2
+            variance += (self.a11 * (self.bias - other.bias)) ** 2
         return variance
+
+
+def noise_share(fit: RowFit, higher: RowFit) -> tuple[float, float]:
+    """Share of the residuals' power that is noise of the acceleration, with its standard uncertainty.
+
+    White noise of the axis is part of it, that of the wheel is not, nor is what grows less than in proportion to the
+    cut-off: an error of the acceleration redder than white noise is a force. Between these bounds the share is uniform
+    a priori. The estimate falls to a fit at another, higher cut-off by this share of what `scattered` grows, within
+    the uncertainty of their difference.
+    """
+    wheel = (fit.value("wheel") * fit.noise.wheel / max(abs(fit.a11) * fit.noise.angle, 1e-300)) ** 2
+    power = max(fit.scattered, fit.attenuation * (1 + wheel), 1e-300)
+    growth = higher.row_filter.cutoff.frequency / fit.row_filter.cutoff.frequency - 1
+    low, high = fit.attenuation / power, 1 - fit.attenuation * wheel / power
+    high = max(min(high, (higher.scattered - fit.scattered) / (growth * power)), low)
+    own, others = (one.variance(one.of("inertia")) for one in (fit, higher))
+    variance = max(fit.variance_of_difference(higher), abs(own - others))
+    slope = fit.a11 * (higher.scattered - fit.scattered)
+    prior = (high - low) ** 2 / 12
+    weight = prior * slope**2 / max(prior * slope**2 + variance, 1e-300)
+    middle = (low + high) / 2
+    share = middle + weight * ((fit.a11 - higher.a11) / slope - middle if slope else 0.0)
+    return min(max(share, low), high), float(np.sqrt(prior * (1 - weight)))
 
 
 def fit_rows(
@@ -211,7 +278,7 @@ def fit_rows(
         )
     weights = usable.astype(np.float64)
     for _ in range(ROUNDS):
-        fit, inverse = _solve(columns, target, instruments, weights)
+        fit, inverse = fit_oblique(columns, target, instruments, weights)
         before, weights = weights, usable * _huber(fit.residuals, usable)
         if np.array_equal(weights, before):
             break
@@ -270,22 +337,6 @@ def _best_lag(part: OnGrid, row_filter: RowFilter, columns: Array, unknowns: tup
             code="too-short",
         )
     return best
-
-
-def _solve(columns: Array, target: Array, instruments: Array, weights: Array) -> tuple[LinearFit, Array]:
-    """Solution of Z'W (y − X θ) = 0 with its condition for columns of unit length, and the inverse of Z'W X."""
-    used = np.sqrt(weights)[:, None]
-    scale = np.linalg.norm(columns * used, axis=0)
-    scale[scale == 0] = 1.0
-    weighted = (instruments / scale).T * weights
-    gram = weighted @ (columns / scale)
-    left, spread, right = np.linalg.svd(gram)
-    seen = np.divide(1.0, spread, out=np.zeros_like(spread), where=spread > 1e-14 * spread[0])
-    inverse = (right.T * seen) @ left.T / scale[:, None]
-    influence = inverse @ weighted
-    values = influence @ target
-    condition = float(np.sqrt(spread[0] / spread[-1])) if spread[-1] > 0 else float("inf")
-    return LinearFit(values, target - columns @ values, influence, condition), inverse / scale
 
 
 def _huber(residuals: Array, usable: Bools) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 from swingid.balance.fits import BASIS, WindowFit, fit_rows
 from swingid.balance.friction_laws import law_terms
 from swingid.balance.motor import motor_balance
+from swingid.balance.reversals import IMPULSES
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign, free_reading
@@ -86,14 +87,9 @@ def equation_error(
         warnings += rig_file.warnings(inertia)
         notes += rig_file.notes(inertia)
         found = rig_file.widened(found)
-    drawn, covariance = details(selected, span), _covariance(chosen) if equation.seeks("gravity_torque") else {}
+    covariance = chosen.covariances("inertia", "gravity_torque") if equation.seeks("gravity_torque") else {}
+    drawn = details(selected, span)
     return prepared.result("equation-error", found, part, warnings, notes, drawn, options, covariance=covariance)
-
-
-def _covariance(fit: RowFit) -> dict[str, dict[str, float]]:
-    """Type A covariance of inertia and gravity torque, the first two unknowns."""
-    names = fit.unknowns[:2]
-    return {one: {other: float(fit.covariance[i, j]) for j, other in enumerate(names)} for i, one in enumerate(names)}
 
 
 def _consistency(part: Part, signals: Signals) -> MotorCheck:
@@ -118,8 +114,8 @@ def _from_momentum(chosen: RowFit, signals: Signals) -> tuple[WindowFit | None, 
 
     They differentiate no angle, and long ones have less noise and attenuation than filtered rows.
     """
-    terms = (*BASIS, "memory") if "memory" in chosen.unknowns else BASIS
-    other = best_windows(signals, chosen.equation, chosen.noise, terms)
+    impulses = (name for name in IMPULSES if name in chosen.unknowns)
+    other = best_windows(signals, chosen.equation, chosen.noise, (*BASIS, *impulses))
     if other is None:
         return None, 0.0
     own = chosen.variance(chosen.of("inertia"))

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.choice import IMPULSES, MEMORY
+from swingid.balance.choice import MEMORY
 from swingid.balance.errors import errors_of, sensitivities
 from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, with_declared
 from swingid.balance.friction import FrictionLaw
 from swingid.balance.friction_laws import parameter_weights
 from swingid.balance.level import wandering, with_bias
 from swingid.balance.motor import motor_balance
+from swingid.balance.reversals import IMPULSES
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.systematics import (
     COMPARED,
@@ -120,14 +121,9 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
         _details(estimate, None if balance is None else balance.as_stated),
         {} if memory == "auto" else {"memory": memory},
         found=moved.corrections,
-        covariance=_covariance(law) if equation.seeks("gravity_torque") else {},
+        # which are correlated at one frequency
+        covariance=law.covariances("inertia", "gravity_torque") if equation.seeks("gravity_torque") else {},
     )
-
-
-def _covariance(law: WindowFit) -> dict[str, dict[str, float]]:
-    """Type A covariance of inertia and gravity torque, which are correlated at one frequency."""
-    at = {name: law.unknowns.index(name) for name in ("inertia", "gravity_torque")}
-    return {one: {other: float(law.covariance[i, j]) for other, j in at.items()} for one, i in at.items()}
 
 
 def _estimate(evidence: Evidence) -> _Estimate:
@@ -168,21 +164,25 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     equation = law.equation
     values = {"inertia": (law.inertia, equation.unit)}
     units = units_on(linear=equation.linear)
-    values |= {name: (law.value(name), units[name]) for name in equation.sought[1:]}
+    of_body = (name for name in equation.sought[1:] if name not in friction.further)
+    values |= {name: (law.value(name), units[name]) for name in of_body}
     body = [law.unknowns.index(name) for name in values]
-    weights = parameter_weights(friction.unknowns)
-    values |= {name: (float(own @ friction.values), units[name]) for name, own in weights.items()}
-    own = np.array(list(weights.values())).reshape(len(weights), len(friction.unknowns))
+    coefficients = friction.coefficients_by_name
+    weights = parameter_weights(tuple(coefficients))
+    own = np.array(list(weights.values())).reshape(len(weights), len(coefficients))
+    values |= {
+        name: (value, units[name]) for name, value in zip(weights, own @ list(coefficients.values()), strict=True)
+    }
     effects = {effect.item.source: effect for effect in law.declared}
     declared = []
     for item in errors_of(friction.rows, signals, rig, equation, law.coefficients):
         if item.of.of_noise:
             continue
-        of_body = effects[item.source].shifts[body] / item.std
+        shifts = effects[item.source].shifts[body] / item.std
         of_friction = own @ friction.influence @ item.rows
         if item.of.scales_speed:
             of_friction -= [power_of(name) * values[name][0] for name in weights]
-        declared.append(item.on(np.concatenate([of_body, of_friction])))
+        declared.append(item.on(np.concatenate([shifts, of_friction])))
     scattered = _scatter(law, friction, body, own, signals)
     least = NEGLIGIBLE * law.u
     common = [(systematic(source), "inertia", spread) for source, spread in estimate.common.items() if spread > least]
@@ -202,7 +202,7 @@ def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array,
     of_body = law.covariance[np.ix_(body, body)]
     of_friction = own @ (friction.covariance + wandering(law, friction, signals)) @ own.T
     matrix = joined(of_body, of_friction, noise[0] @ noise[1].T, noise[0] @ noise[0].T, noise[1] @ noise[1].T)
-    count = len(friction.unknowns) + len(body)
+    count = len(friction.influence) + len(body)
     freedom = [scatter_freedom(row, bartlett(LAG), count) for row in influence]
     return Scatter("scatter of the windows and sensor noise", matrix, np.array([*[law.freedom] * len(body), *freedom]))
 

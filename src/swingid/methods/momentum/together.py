@@ -40,7 +40,7 @@ from swingid.units import Quantity
 WORTH_A_NOTE = 0.05
 """Relative uncertainty of torque per volt and back-EMF up to which k and R, quotients of them, are worth a note."""
 
-DRAG = "drag that differs between logs"
+BETWEEN_LOGS = "friction that differs between logs"
 """Source of the scatter of the friction between logs of equal inertia."""
 
 
@@ -67,7 +67,7 @@ def momentum_together(
     _require_scale(rig, runs, unit)
     found = fit_together(runs, equation, friction)
     _check(found, rig)
-    scattered, notes = _drag_between(found) if unit is None else (0.0, [])
+    scattered, notes = _friction_between(found) if unit is None else (0.0, [])
     result = _result(found, prepared, _evaluate(found, rig, scattered), notes)
     return result if unit is None else unscaled(result, Reference(f"{FRICTION}{unit}", unit, rig), rig)
 
@@ -125,7 +125,7 @@ def _check(found: Together, rig: Rig) -> None:
         )
 
 
-def _evaluate(found: Together, rig: Rig, drag: float) -> Evaluated:
+def _evaluate(found: Together, rig: Rig, between_logs: float) -> Evaluated:
     """Parameters with their budget."""
     law = found.law
     units = units_on(linear=law.equation.linear)
@@ -141,16 +141,16 @@ def _evaluate(found: Together, rig: Rig, drag: float) -> Evaluated:
             "inertia",
             drift_with_length(law, found.tried, None, found.variance_between),
         ),
-        (scatter(DRAG), "inertia", drag),
+        (scatter(BETWEEN_LOGS), "inertia", between_logs),
     ]
     declared = [effect.item.on(effect.shifts / effect.item.std) for effect in law.declared]
     return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)
 
 
-def _drag_between(found: Together) -> tuple[float, list[Message]]:
-    """Standard uncertainty of a11 by drag that differs between logs, and a note on what depends on its constancy.
+def _friction_between(found: Together) -> tuple[float, list[Message]]:
+    """Standard uncertainty of a11 by friction that differs between logs, and a note on what depends on its constancy.
 
-    Logs with the same body show whether the drag differs: each but the first of them gets a factor of its own.
+    Logs with the same body show whether the friction differs: each but the first of them gets a factor of its own.
     """
     law, runs = found.law, found.runs
     if len(runs) < 2 or found.runs[0].part.rig.drive.kind != "none":

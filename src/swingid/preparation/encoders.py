@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from swingid.model.rig.encoder_kinds import DELAY
 from swingid.model.rig.sensors import Sensor
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Finding, Recording
+from swingid.units import Quantity
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -74,9 +76,23 @@ class Encoders:
 
     @classmethod
     def of(cls, rig: Rig, log: Recording | None = None) -> Encoders:
-        """As the rig file declares them; latencies 0 where their correction is switched off for `log`."""
-        declared = cls(rig.sensors.of("angle"), rig.sensors.of("wheel"))
-        return declared.on_time() if log is not None and is_off(log, LATENCY) else declared
+        """As the rig file declares them; latencies 0 where their correction is switched off for `log`.
+
+        Where it states no latency, the last channel that is read may be late against the other by `DELAY` samples of
+        `log`. What is the integral of a rate has no nonlinearity.
+        """
+        angle, wheel = rig.sensors.of("angle"), rig.sensors.of("wheel")
+        if rig.log.has_rate_alone:
+            angle = replace(angle, cosine=Quantity(0.0), sine=Quantity(0.0), twice=0.0)
+        if log is None:
+            return cls(angle, wheel)
+        delay = 0.0 if rig.sensors.says_latency else DELAY / log.rate
+        if rig.drive.kind == "reaction-wheel":
+            wheel = replace(wheel, delay=delay)
+        else:
+            angle = replace(angle, delay=delay)
+        declared = cls(angle, wheel)
+        return declared.on_time() if is_off(log, LATENCY) else declared
 
     def with_latency(self, channel: Channel, value: float, std: float | None) -> Encoders:
         """The same with another latency (s) of one channel."""
@@ -161,7 +177,7 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
 
 def _unknown(sensor: Sensor) -> list[Finding]:
     """A warning for a large nonlinearity of the axis' encoder that is declared without values."""
-    if sensor.calibrated or sensor.nonlinearity <= FIRST_ORDER * (1 + 1e-9):
+    if sensor.calibrated or sensor.assumed or sensor.nonlinearity <= FIRST_ORDER * (1 + 1e-9):
         return []
     text = (
         f"the rig file declares {np.degrees(sensor.nonlinearity):.2g}° of nonlinearity of the angle's encoder without "

@@ -69,15 +69,15 @@ def slopes(state: np.ndarray, volts: np.ndarray) -> np.ndarray:
     return np.array([body, wheel, -GRAVITY * np.sin(q1) - VISCOUS * body - COULOMB * dry(body), torque])
 
 
-def motions(draws: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def motions(draws: int, rows: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """True states (rows, 4, logs) and their slopes, and the volts (rows, logs): a sine that a controller follows."""
     rng = np.random.default_rng(seed)
     amplitude, speed = rng.uniform(0.6, 1.2, draws), rng.uniform(7.0, 10.0, draws)
     state, place = np.zeros((4, draws)), rng.uniform(0, 2 * np.pi, draws)
     state[0] = amplitude
-    states, rates, volts = np.empty((ROWS, 4, draws)), np.empty((ROWS, 4, draws)), np.empty((ROWS, draws))
+    states, rates, volts = np.empty((rows, 4, draws)), np.empty((rows, 4, draws)), np.empty((rows, draws))
     short = STEP / SUBSTEPS
-    for k in range(ROWS):
+    for k in range(rows):
         phase = speed * k * STEP
         wanted, rate = amplitude * np.cos(phase), -amplitude * speed * np.sin(phase)
         body = (state[2] - state[3]) / INERTIA
@@ -104,13 +104,13 @@ def readings(angle: np.ndarray, rate: np.ndarray, late: np.ndarray, rng: np.rand
     return count * np.rint(bent / count)
 
 
-def logs(draws: int) -> list[sw.Recording]:
+def logs(draws: int, rows: int = ROWS) -> list[sw.Recording]:
     """The logs, each with its own encoders."""
-    states, rates, volts = motions(draws)
-    found, time = [], STEP * np.arange(ROWS)
+    states, rates, volts = motions(draws, rows)
+    found, time = [], STEP * np.arange(rows)
     for n in range(draws):
         rng = np.random.default_rng([2, n])
-        jitter = JITTER * rng.standard_normal(ROWS)
+        jitter = JITTER * rng.standard_normal(rows)
         angle = readings(states[:, 0, n], rates[:, 0, n], jitter, rng)
         wheel = readings(states[:, 1, n], rates[:, 1, n], jitter + LATE, rng)
         found.append(sw.Recording(time=time, angle=angle, wheel_angle=wheel, voltage=volts[:, n]))

@@ -14,6 +14,7 @@ import numpy as np
 from swingid.model.rig.encoder_kinds import DELAY
 from swingid.model.rig.sensors import Sensor
 from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.preparation.beat import ages, on_rows
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Finding, Recording
 from swingid.units import Quantity
@@ -33,6 +34,9 @@ ROUNDS = 8
 """Newton steps at most; each squares an error that is below 0.5 rad at first."""
 
 EXACT = 1e-15
+
+UNEVEN = 0.5
+"""Steps differ by more of a row where rows were lost, which is no beat."""
 
 FIRST_ORDER = float(np.radians(0.2))
 """Nonlinearity (rad) up to which its effect on the balance is linear: with 0.5° the coverage is too low."""
@@ -159,6 +163,7 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
     """
     if any(finding.repair == REPAIR or finding.code == UNKNOWN for finding in log.findings):
         return log
+    log = _polled(log, encoders.wheel)
     angle, wheel, sizes = log.angle, log.wheel_angle, []
     axis, other = encoders.angle, encoders.wheel
     if axis.cosine.value or axis.sine.value:
@@ -173,6 +178,21 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
     text = f"the encoders' known nonlinearity was corrected: {' and '.join(sizes)} once per turn."
     found = (*log.findings, Finding("encoders", text, "note", REPAIR), *unknown)
     return replace(log, angle=angle, wheel_angle=wheel, findings=found)
+
+
+def _polled(log: Recording, sensor: Sensor) -> Recording:
+    """The log with the wheel's angle at its rows where it was polled in beat with them, with a note of it."""
+    if log.wheel_angle is None or log.wheel_speed is not None or np.ptp(np.diff(log.time)) * log.rate > UNEVEN:
+        return log
+    age = ages(log.wheel_angle, sensor.resolution)
+    if age is None:
+        return log
+    text = (
+        "the wheel's angle is polled by another clock than the rows are, and is older and younger in turn by "
+        f"{1e3 * np.ptp(age) / log.rate:.2g} ms; it was moved to its rows."
+    )
+    finding = Finding("wheel-polled", text, "note", REPAIR)
+    return replace(log, wheel_angle=on_rows(log.wheel_angle, age), findings=(*log.findings, finding))
 
 
 def _unknown(sensor: Sensor) -> list[Finding]:

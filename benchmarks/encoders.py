@@ -43,13 +43,13 @@ NOTHING: Row = (np.nan, np.nan, False)
 def on_one_draw(motions: tuple[str, ...], law: str, declared: bool, seed: int) -> tuple[Row, Row, Row]:
     """Error and standard uncertainty of J1 in per cent, whether there is a warning: of each of `WAYS`."""
     twin, _ = rigs({"nonlinearity": BENT}, LAWS[law])
-    _, given = rigs({"nonlinearity": BENT if declared else None})
+    _, given = rigs({"nonlinearity": BENT if declared else 0})
     zero = tuple(np.random.default_rng([2, seed]).uniform(0, given.sensors.of("angle").resolution, 2))
     logs = [logged(Case(twin, given, seed=seed, encoder_zero=zero, reference=motion)) for motion in motions]
     found = calibrate_encoders(logs, given)
     if seed >= AS_IT_IS:
         return NOTHING, NOTHING, judged(logs, found.rig)
-    untold, off = rigs({"nonlinearity": None})[1], notes_of(frozenset(["calibrate"]))
+    untold, off = rigs({"nonlinearity": 0})[1], notes_of(frozenset(["calibrate"]))
     as_read = [replace(log, findings=(*log.findings, *off)) for log in logs]
     return judged(as_read, untold), judged(logs, untold), judged(logs, found.rig)
 

@@ -18,8 +18,12 @@ INERTIA = 302.2e-5
 
 ENCODER = 2 * np.pi / 16384
 
-EXACT: dict[str, object] = {"axis.tilt": 0, "axis.model_uncertainty": 0, "log.clock": 0}
+EXACT: dict[str, object] = {"axis.tilt": 0, "axis.model_uncertainty": 0, "log.clock": 0, "sensors.latency": 0}
 """Keys of a rig without a wheel of which nothing is uncertain that it does not name."""
+
+
+LEVEL: dict[str, object] = {"sensors.nonlinearity": 0}
+"""Of a rotary axis, too."""
 
 
 class Sines:
@@ -89,7 +93,10 @@ def wheel_log(rig: Rig, motion: Sines, friction: Friction, time: Array) -> Recor
 def direct_rig(linear: bool = False, **changes: object) -> Rig:
     """An axis with a known torque (force) on it: the paper's, or a balanced linear one."""
     kind = 'kind = "linear"' if linear else "gravity_torque = 78e-3"
-    return Rig.from_text(f'name = "driven"\n[axis]\n{kind}\n[drive]\nkind = "direct"\n').changed(EXACT | changes)
+    sensors = {} if linear else LEVEL
+    return Rig.from_text(f'name = "driven"\n[axis]\n{kind}\n[drive]\nkind = "direct"\n').changed(
+        EXACT | sensors | changes
+    )
 
 
 def direct_log(motion: Sines, friction: Friction, time: Array, inertia: float = INERTIA, b: float = 78e-3) -> Recording:
@@ -101,7 +108,7 @@ def direct_log(motion: Sines, friction: Friction, time: Array, inertia: float = 
 def free_rig(**changes: object) -> Rig:
     """The paper's axis without its wheel."""
     text = 'name = "free"\n[axis]\ngravity_torque = 78e-3\n[drive]\nkind = "none"\n'
-    return Rig.from_text(text).changed(EXACT | changes)
+    return Rig.from_text(text).changed(EXACT | LEVEL | changes)
 
 
 def free_log(friction: Friction, time: Array, initial_angle: float = 1.2) -> Recording:

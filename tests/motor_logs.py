@@ -37,6 +37,10 @@ OFF = {
 """Changes that make every motor constant 5 % wrong."""
 
 
+IDEAL = {"nonlinearity": 0, "latency": 0}
+"""Encoders of which it is stated that they have neither."""
+
+
 def multisine(duration=10.0, rate=1000.0, phase=0.0):
     """A voltage of four frequencies, up to 8.5 V."""
     time = np.arange(int(duration * rate) + 1) / rate
@@ -46,12 +50,12 @@ def multisine(duration=10.0, rate=1000.0, phase=0.0):
 
 def given(sensors=None, **changes):
     """What calibration is told of the rig: nothing of inertia or friction of the axis."""
-    return PAPER.changed({"axis.inertia": None, "axis.friction": None, "sensors": sensors or {}} | changes)
+    return PAPER.changed({"axis.inertia": None, "axis.friction": None, "sensors": IDEAL | (sensors or {})} | changes)
 
 
 def clamped_rig(sensors=None, **changes):
     """The twin's rig with its rod clamped."""
-    return PAPER.changed({"axis.friction": {"coulomb": 10.0}, "sensors": sensors or {}} | changes)
+    return PAPER.changed({"axis.friction": {"coulomb": 10.0}, "sensors": IDEAL | (sensors or {})} | changes)
 
 
 def clamped(voltage=None, sensors=None, rate=1000.0, seed=0, **changes):

@@ -26,6 +26,8 @@ quadratic = 1.5e-8
 [drive]
 kind = "{drive}"
 [sensors]
+nonlinearity = 0
+latency = 0
 counts_per_turn = {counts}
 [log]
 clock = 0

@@ -28,6 +28,7 @@ inertia = 2.0
 [drive]
 kind = "direct"
 [sensors]
+latency = 0
 noise = {SIGMA}
 [log]
 time = "t"

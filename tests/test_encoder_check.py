@@ -9,7 +9,7 @@ import pytest
 from swingid.identification import identify
 from twin_logs import INERTIA, given, logged, result_of, twin, without
 
-UNTOLD = {"sensors.nonlinearity": None}
+UNTOLD = {"sensors.nonlinearity": 0}
 
 
 def warning(result) -> str | None:

@@ -29,7 +29,7 @@ FRICTIONS = {
 def rig_of(friction: str, more: str = "") -> sw.Rig:
     return sw.Rig.from_text(
         f'name = "arm"\n[axis]\ngravity_torque = {GRAVITY}\ninertia = {INERTIA}\n{more}[axis.friction]\n{friction}\n'
-        '[drive]\nkind = "none"\n[sensors]\ncounts_per_turn = 16384\nnoise = 2e-4\n'
+        '[drive]\nkind = "none"\n[sensors]\ncounts_per_turn = 16384\nnonlinearity = 0\nnoise = 2e-4\n'
     )
 
 

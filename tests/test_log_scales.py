@@ -25,6 +25,8 @@ model_uncertainty = 0
 [drive]
 kind = "{kind}"
 [sensors]
+nonlinearity = 0
+latency = 0
 noise = 1e-5
 [log]
 clock = "0 ± 0 ppm"

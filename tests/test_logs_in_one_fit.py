@@ -26,6 +26,8 @@ viscous = 5e-5
 [drive]
 kind = "none"
 [sensors]
+nonlinearity = 0
+latency = 0
 counts_per_turn = 65536
 """
 

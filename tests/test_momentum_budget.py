@@ -228,7 +228,7 @@ def test_a_declared_latency_is_taken_off_a_held_torque(tmp_path, rate):
     run = simulate(rig, duration=15.0, rate=rate, drive=0.12 * np.sin(8.5 * time) + 0.03 * np.sin(5.0 * time))
     told = rig.changed({"axis.inertia": None, "axis.friction": None})
     log = Recording.load(run.save(tmp_path / "late.csv", told), told)
-    as_read = identify(without(log, "calibrate"), told.changed({"sensors.latency": None}))
+    as_read = identify(without(log, "calibrate"), told.changed({"sensors.latency": 0}))
     assert abs(as_read.inertia.value / INERTIA - 1) > 1e-3
     for method in ("momentum", "energy"):
         result = identify(log, told, method=method)

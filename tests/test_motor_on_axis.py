@@ -28,6 +28,8 @@ kind = "motor"
 [drive.motor]
 {motor}
 [sensors]
+nonlinearity = 0
+latency = 0
 counts_per_turn = 4096
 [log]
 clock = 0

@@ -183,6 +183,7 @@ friction = {{ viscous = {viscous}, coulomb = {coulomb} }}
 [drive]
 kind = "direct"
 [sensors]
+latency = 0
 resolution = {resolution}
 """
 

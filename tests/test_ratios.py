@@ -28,6 +28,8 @@ viscous = {D}
 [drive]
 kind = "none"
 [sensors]
+nonlinearity = 0
+latency = 0
 noise = 5e-4
 counts_per_turn = 4096
 """

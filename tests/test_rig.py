@@ -72,7 +72,9 @@ def test_defaults_of_an_almost_empty_file() -> None:
     assert plain.axis.inertia is None
     assert plain.drive.a22 == 1e-4
     assert plain.drive.a12 == pytest.approx(1e-4, rel=1e-4)  # as the wheel's tilt is not stated
-    assert plain.sensors.of("wheel") == Sensor()
+    unknown = Quantity(0.0, math.radians(0.15))
+    expected = Sensor(cosine=unknown, sine=unknown, twice=math.radians(0.05), assumed=True)
+    assert plain.sensors.of("angle") == plain.sensors.of("wheel") == expected
     assert (plain.log.time, plain.log.angle, plain.log.wheel_angle, plain.log.voltage) == ("t", "q1", "q2", "u")
     assert (plain.log.reference, plain.log.angle_zero, plain.log.wheel_angle_is) == ("ym", "down", "relative")
     assert plain.log.drive_held

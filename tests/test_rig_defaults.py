@@ -29,6 +29,8 @@ model_uncertainty = 0
 kind = "none"
 [sensors]
 counts_per_turn = 16384
+nonlinearity = 0
+latency = 0
 [log]
 clock = 0
 """

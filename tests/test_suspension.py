@@ -27,6 +27,8 @@ HEAD = """
 [drive]
 kind = "none"
 [sensors]
+nonlinearity = 0
+latency = 0
 counts_per_turn = 16384
 """
 BIFILAR = """

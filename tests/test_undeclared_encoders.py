@@ -14,7 +14,7 @@ from test_repairs import LOG, RIG
 from twin_logs import INERTIA, error, given, logged, twin, without
 
 CODE = "calibrated-by-itself"
-UNTOLD = {"sensors.nonlinearity": None}
+UNTOLD = {"sensors.nonlinearity": 0}
 TIME = np.arange(12_001) / 1000
 
 

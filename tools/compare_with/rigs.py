@@ -27,7 +27,7 @@ PAPER: Tree = {
             "voltage_limit": 10,
         },
     },
-    "sensors": {"counts_per_turn": 16384},
+    "sensors": {"counts_per_turn": 16384, "nonlinearity": 0, "latency": 0},
     "log": {"time": "t", "angle": "q1", "wheel_angle": "q2", "voltage": "u", "reference": "ym"},
 }
 """What identification is told of the paper's rig: no inertia of the axis, no friction."""
@@ -66,7 +66,7 @@ LINEAR: Tree = {
     "name": "slide",
     "axis": {"kind": "linear"},
     "drive": {"kind": "direct"},
-    "sensors": {"resolution": 5e-8},
+    "sensors": {"resolution": 5e-8, "latency": 0},
     "log": {"torque": "f", "torque_gain": "35.15 ± 0.1"},
 }
 BLANK = {f"drive.motor.{key}": None for key in ("torque_per_volt", "back_emf", "viscous", "coulomb", "dead_zone")}
@@ -76,7 +76,7 @@ SERVO: Tree = {
     "name": "servo",
     "axis": {"gravity_torque": 0.4807},
     "drive": {"kind": "motor", "motor": {"back_emf": 0.0372}},
-    "sensors": {"counts_per_turn": 4096},
+    "sensors": {"counts_per_turn": 4096, "nonlinearity": 0, "latency": 0},
     "log": {},
 }
 SERVO_CONSTANTS = {
@@ -90,7 +90,7 @@ SPINNING: Tree = {
     "name": "spinning",
     "axis": {"gravity_torque": 0, "friction": {"coulomb": 2e-4, "viscous": 2e-6, "quadratic": 1.5e-8}},
     "drive": {"kind": "none"},
-    "sensors": {"counts_per_turn": 64},
+    "sensors": {"counts_per_turn": 64, "nonlinearity": 0, "latency": 0},
     "log": {},
 }
 GYRO: Tree = {

@@ -24,18 +24,23 @@ from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Channel, Encoders
 from swingid.uncertainty.budget import Declared, stated
 
-Shape = Literal["", "cosine", "sine", "latency", "scale", "offset", "level"]
+Shape = Literal["", "cosine", "sine", "cosine 2", "sine 2", "latency", "scale", "offset", "level"]
 
 SHAPES: dict[str, Callable[[Array], Array]] = {
     "cosine": np.cos,
     "sine": np.sin,
+    "cosine 2": lambda q: np.cos(2 * q),
+    "sine 2": lambda q: np.sin(2 * q),
     "scale": lambda q: q,
     "offset": np.ones_like,
 }
-"""Errors of a channel per unit, as functions of its values: nonlinearity once per turn, scale, zero."""
+"""Errors of a channel per unit, as functions of its values: nonlinearity once and twice per turn, scale, zero."""
 
 BENDS: tuple[Shape, ...] = "cosine", "sine"
 """Parts of a nonlinearity once per turn."""
+
+SECOND: tuple[Shape, ...] = "cosine 2", "sine 2"
+"""Parts of one twice per turn."""
 
 ANGLE_SCALE, ANGLE_OFFSET, WHEEL_SCALE = "log.angle_scale", "log.angle_offset", "log.wheel_scale"
 """Scales (errors are relative) and the zero (rad, m) of the logged angles."""
@@ -156,18 +161,20 @@ def of_channels(rig: Rig, encoders: Encoders) -> list[Perturbation]:
 
 
 def encoder_error(encoders: Encoders, channel: Channel, shape: Shape, *, fitted: bool = False) -> Perturbation:
-    """A nonlinearity ("cosine", "sine": measured = q + α cos q + β sin q) or latency (q + q' δ) of an encoder."""
+    """A nonlinearity ("cosine", "sine": q + α cos q + β sin q is read; of 2q) or latency (q + q' δ) of an encoder."""
     sensor, prefix = (encoders.angle, "sensors") if channel == "angle" else (encoders.wheel, "sensors.wheel")
     if shape == "latency":
-        std, source, shared_id = sensor.latency.std, f"{channel} latency", f"{prefix}.latency"
-    else:
-        std, source = sensor.parts[shape].std, f"{channel} encoder nonlinearity ({shape})"
-        shared_id = f"{prefix}.nonlinearity.{shape}"
+        return Perturbation(f"{channel} latency", sensor.lateness, f"{prefix}.latency", channel, shape, fitted)
+    if shape in SECOND:
+        source, part = f"{channel} encoder second harmonic ({shape})", shape.removesuffix(" 2")
+        return Perturbation(source, sensor.twice, f"{prefix}.second_harmonic.{part}", channel, shape, fitted)
+    std, source = sensor.parts[shape].std, f"{channel} encoder nonlinearity ({shape})"
+    shared_id = f"{prefix}.nonlinearity.{shape}"
     return Perturbation(source, std or 0.0, shared_id, channel, shape, fitted)
 
 
 def _nonlinearities(rig: Rig, encoders: Encoders) -> Iterator[Perturbation]:
-    """Once per turn, of each encoder.
+    """Once and twice per turn, of each encoder.
 
     Values stated in the rig file were estimated from data, maybe from these, so their uncertainty is propagated and
     they are not fitted again: the data would count twice. So a11 has the variance of the joint fit.
@@ -178,6 +185,8 @@ def _nonlinearities(rig: Rig, encoders: Encoders) -> Iterator[Perturbation]:
         sensor = encoders.angle if channel == "angle" else encoders.wheel
         for shape in BENDS if there and sensor.nonlinearity else ():
             yield encoder_error(encoders, channel, shape, fitted=shape not in sensor.calibrated)
+        for shape in SECOND if there else ():
+            yield encoder_error(encoders, channel, shape, fitted=True)
 
 
 def _latencies(rig: Rig, encoders: Encoders) -> Iterator[Perturbation]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from swingid.balance.errors import bends
 from swingid.balance.fits import LAG, ROUNDING, WindowFit, residuals_beside, with_declared, with_gravity_free
+from swingid.balance.perturbations import BENDS
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import gravity_conflict, left_by_place
 from swingid.checks.hypothesis import Evidence, Finding, Judged
@@ -23,7 +24,7 @@ from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders
-from swingid.uncertainty.significance import BETTER, CERTAIN_RATIO, DETECTED
+from swingid.uncertainty.significance import BETTER, CERTAIN, CERTAIN_RATIO, DETECTED
 
 CONFLICT = "conflict of the gravity torque with the log"
 """Source of `gravity_conflict` in a budget."""
@@ -49,7 +50,7 @@ def encoders_bent(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     """
     law, signals, rig = evidence.law, evidence.signals, evidence.part.rig
     equation, encoders = law.equation, signals.encoders
-    if signals.linear or equation.drive == "none" or equation.seeks("gravity_torque") or encoders.angle.bent:
+    if signals.linear or equation.drive == "none" or equation.seeks("gravity_torque") or _stated_or_usual(evidence):
         return None
     if encoders.level is not None or not _may_show(law, signals):
         return None
@@ -65,6 +66,16 @@ def encoders_bent(evidence: Evidence, judged: Judged) -> list[Finding] | None:
         '"0.1 deg", or calibrate the encoders.'
     )
     return [Finding(max(abs(bent.a11 - law.a11), bent.total), text)]
+
+
+def _stated_or_usual(evidence: Evidence) -> bool:
+    """Whether the nonlinearity of the axis' encoder is stated, or as large as its kind has it."""
+    if not evidence.signals.encoders.angle.bent:
+        return False
+    if not evidence.signals.encoders.angle.assumed:
+        return True
+    found = (one.value for one in evidence.law.declared if one.item.of.shape in BENDS)
+    return all(abs(value) < CERTAIN for value in found)
 
 
 def _shows(law: WindowFit, before: float, after: float) -> bool:

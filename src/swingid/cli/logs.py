@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,10 +27,18 @@ def init(
     log: Annotated[
         str | None, typer.Option("--from", metavar="LOG", help="A log of the rig: its columns and units are guessed.")
     ] = None,
+    sensor: Annotated[
+        str | None, typer.Option(metavar="KIND", help="Kind of the encoders; asked for on a terminal, see the table.")
+    ] = None,
 ) -> None:
-    """Write a commented rig.toml into DIR, to be filled in with your rig's constants and columns."""
+    """Write a commented rig.toml into DIR, to be filled in with your rig's constants and columns.
+
+    The kind of the encoders decides how far their readings may be off: AS5048A, AS5047P, AS5600, MT6701, AMT10x,
+    optical, potentiometer, camera, gyroscope, ideal.
+    """
     path = Path(folder) / "rig.toml"
     text = TEMPLATE.read_text(encoding="utf-8") if log is None else _text_for(log)
+    text = _with_sensor(text, sensor or _asked())
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
@@ -45,6 +55,35 @@ def init(
         output.tell(f"wrote {path}\nfill it in, then: swingid identify LOG --rig {path}")
     else:
         output.tell(f"wrote {path}\nfill it in and confirm its [log], then: swingid inspect {log} --rig {path}")
+
+
+def _asked() -> str:
+    """The kind of the encoders that a person at the terminal names, "" where there is none or none is named."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return ""
+    from swingid.model.rig.encoder_kinds import table
+
+    output.tell("\n".join(table()))
+    return str(typer.prompt("Which encoder?", default="unknown"))
+
+
+def _with_sensor(text: str, name: str) -> str:
+    """The rig file with the kind of its encoders; UsageError for one that there is not."""
+    if not name:
+        return text
+    from swingid.model.rig.encoder_kinds import NAMES, UNKNOWN, kind_of, table
+
+    try:
+        kind = kind_of(name)
+    except KeyError:
+        lines = "\n".join(table())
+        raise UsageError(
+            f"no kind of encoder {name[:40]!r}; there are {', '.join(NAMES)}\n{lines}", code="unknown-sensor"
+        ) from None
+    if kind is UNKNOWN:
+        return text
+    line = f'sensor = "{kind.name}"'.ljust(38) + f"# {kind.words}; {kind.source}"
+    return re.sub(r"^# sensor = .*$", line, text, flags=re.MULTILINE)
 
 
 def _text_for(log: str) -> str:

@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from swingid.model.rig.encoder_kinds import DELAY
 from swingid.model.rig.sensors import Sensor
 from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.preparation.beat import ages, on_rows
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Finding, Recording
+from swingid.units import Quantity
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -31,6 +34,9 @@ ROUNDS = 8
 """Newton steps at most; each squares an error that is below 0.5 rad at first."""
 
 EXACT = 1e-15
+
+UNEVEN = 0.5
+"""Steps differ by more of a row where rows were lost, which is no beat."""
 
 FIRST_ORDER = float(np.radians(0.2))
 """Nonlinearity (rad) up to which its effect on the balance is linear: with 0.5° the coverage is too low."""
@@ -74,9 +80,23 @@ class Encoders:
 
     @classmethod
     def of(cls, rig: Rig, log: Recording | None = None) -> Encoders:
-        """As the rig file declares them; latencies 0 where their correction is switched off for `log`."""
-        declared = cls(rig.sensors.of("angle"), rig.sensors.of("wheel"))
-        return declared.on_time() if log is not None and is_off(log, LATENCY) else declared
+        """As the rig file declares them; latencies 0 where their correction is switched off for `log`.
+
+        Where it states no latency, the last channel that is read may be late against the other by `DELAY` samples of
+        `log`. What is the integral of a rate has no nonlinearity.
+        """
+        angle, wheel = rig.sensors.of("angle"), rig.sensors.of("wheel")
+        if rig.log.has_rate_alone:
+            angle = replace(angle, cosine=Quantity(0.0), sine=Quantity(0.0), twice=0.0)
+        if log is None:
+            return cls(angle, wheel)
+        delay = 0.0 if rig.sensors.says_latency else DELAY / log.rate
+        if rig.drive.kind == "reaction-wheel":
+            wheel = replace(wheel, delay=delay)
+        else:
+            angle = replace(angle, delay=delay)
+        declared = cls(angle, wheel)
+        return declared.on_time() if is_off(log, LATENCY) else declared
 
     def with_latency(self, channel: Channel, value: float, std: float | None) -> Encoders:
         """The same with another latency (s) of one channel."""
@@ -143,6 +163,7 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
     """
     if any(finding.repair == REPAIR or finding.code == UNKNOWN for finding in log.findings):
         return log
+    log = _polled(log, encoders.wheel)
     angle, wheel, sizes = log.angle, log.wheel_angle, []
     axis, other = encoders.angle, encoders.wheel
     if axis.cosine.value or axis.sine.value:
@@ -159,9 +180,24 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
     return replace(log, angle=angle, wheel_angle=wheel, findings=found)
 
 
+def _polled(log: Recording, sensor: Sensor) -> Recording:
+    """The log with the wheel's angle at its rows where it was polled in beat with them, with a note of it."""
+    if log.wheel_angle is None or log.wheel_speed is not None or np.ptp(np.diff(log.time)) * log.rate > UNEVEN:
+        return log
+    age = ages(log.wheel_angle, sensor.resolution)
+    if age is None:
+        return log
+    text = (
+        "the wheel's angle is polled by another clock than the rows are, and is older and younger in turn by "
+        f"{1e3 * np.ptp(age) / log.rate:.2g} ms; it was moved to its rows."
+    )
+    finding = Finding("wheel-polled", text, "note", REPAIR)
+    return replace(log, wheel_angle=on_rows(log.wheel_angle, age), findings=(*log.findings, finding))
+
+
 def _unknown(sensor: Sensor) -> list[Finding]:
     """A warning for a large nonlinearity of the axis' encoder that is declared without values."""
-    if sensor.calibrated or sensor.nonlinearity <= FIRST_ORDER * (1 + 1e-9):
+    if sensor.calibrated or sensor.assumed or sensor.nonlinearity <= FIRST_ORDER * (1 + 1e-9):
         return []
     text = (
         f"the rig file declares {np.degrees(sensor.nonlinearity):.2g}° of nonlinearity of the angle's encoder without "

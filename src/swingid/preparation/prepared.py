@@ -24,6 +24,7 @@ from swingid.preparation.segment import longest_run, part_of
 from swingid.preparation.strings import VerticalMotion
 from swingid.preparation.zero import centred
 from swingid.recording.recording import Recording
+from swingid.result.encoders import encoders_cost
 from swingid.result.provenance import add_findings, defaults_taken, provenance
 from swingid.result.result import Details, Message, Result
 from swingid.uncertainty.budget import Evaluated
@@ -142,7 +143,8 @@ class Prepared:
 
         found: corrections by the method; more: of its provenance; covariance: of type A, where logs share unknowns.
         """
-        warnings, notes = list(warnings), [*notes, *defaults_taken(self.rig)]
+        cost = encoders_cost(self.rig, evaluated.budget, evaluated.parameters)
+        warnings, notes = list(warnings), [*notes, *defaults_taken(self.rig), *cost]
         identified = evaluated.parameters.get("suspension_stiffness")
         kappa = None if identified is None else identified.value
         rises = VerticalMotion.of(self.rig, kappa, part.motion.turning_angles)

@@ -76,7 +76,8 @@ REPAIRS: dict[str, str] = {
     "spikes": "single samples that fit neither neighbour are left out",
     "lost-rows": "stamps made of the row number are moved by the rows that the motion shows to be missing",
     "limit": "commanded voltages beyond the rig's voltage_limit are taken as the limit",
-    "encoders": "the encoders' nonlinearity that the rig file states is corrected in the angles that a method uses",
+    "encoders": "the encoders' nonlinearity that the rig file states is corrected in the angles that a method uses, "
+    "and a wheel's angle that is polled in beat with the rows is moved to them",
     "calibrate": "undeclared encoder nonlinearity and latency are estimated from the log (momentum)",
     "latency": "the latency that the rig file states is corrected in the angles that a method uses",
     "zero": "the angle of a free decay is counted from the centre of its swings, where the body hangs",

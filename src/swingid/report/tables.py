@@ -164,6 +164,8 @@ def sensor_rows(rig: Rig) -> list[Row]:
         channels["wheel angle"] = rig.sensors.of("wheel")
     rows = []
     for name, word in SENSORS.items():
+        if linear and name in ("cosine", "sine", "twice"):
+            continue  # a length has no turn
         texts: dict[str, list[str]] = {}
         for called, sensor in channels.items():
             text = _sensor_text(getattr(sensor, name), word.unit_on(linear=linear))

@@ -61,6 +61,7 @@ SENSORS = {
     "resolution": Word("resolution", "", "rad", "m"),
     "cosine": Word("nonlinearity once per turn, cosine part", "", "rad"),
     "sine": Word("nonlinearity once per turn, sine part", "", "rad"),
+    "twice": Word("nonlinearity twice per turn, each part", "", "rad"),
     "noise": Word("white noise", "", "rad", "m"),
     "latency": Word("latency", "", "s"),
     "jitter": Word("jitter of the stamps", "", "s"),

@@ -15,6 +15,7 @@ from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.model.terms import further_terms, rig_terms
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
+from swingid.result.encoders import encoder_defaults
 from swingid.result.result import Message
 from swingid.units import Quantity, UnknownScale
 
@@ -131,6 +132,7 @@ def defaults_taken(rig: Rig) -> list[Message]:
         taken["axis.g"] = rig.axis, str(UNKNOWN_PLACE) + " m/s^2"
     taken["axis.model_uncertainty"] = rig.axis, f"{100 * rig.axis.model_uncertainty:g} %"
     texts = [f"{key} = {text}" for key, (table, text) in taken.items() if not stated(table, key.rpartition(".")[2])]
+    texts += [f"{key} = {text}" for key, text in encoder_defaults(rig).items()]
     return [Message("defaults-taken", f"not stated, taken as: {', '.join(texts)}.")] if texts else []
 
 

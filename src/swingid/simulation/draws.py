@@ -71,7 +71,7 @@ def draw_nonlinearity(rig: Rig, seed: int) -> list[tuple[float, float]]:
     units = stream(seed, "nonlinearity").standard_normal((2, 2))
     found = []
     for sensor, unit in zip([rig.sensors.of(name) for name in CHANNELS], units, strict=True):
-        parts = zip(sensor.parts.values(), unit, strict=True)
+        parts = zip(sensor.drawn, unit, strict=True)
         alpha, beta = (part.value + (part.std or 0.0) * one + 0.0 for part, one in parts)  # + 0.0: no -0.0
         found.append((float(alpha), float(beta)))
     return found

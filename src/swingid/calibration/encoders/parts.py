@@ -68,8 +68,8 @@ def declared_spread(rig: Rig, table: str) -> float:
     """Stated sensors.nonlinearity (rad) of the encoder of `table`, 0 without one; not the calibrated values."""
     own = rig.sensors.wheel
     if table == WHEEL and own is not None and "nonlinearity" in own.model_fields_set:
-        return own.nonlinearity
-    return rig.sensors.nonlinearity
+        return own.nonlinearity or 0.0
+    return rig.sensors.nonlinearity or 0.0
 
 
 def bounded(rig: Rig) -> Rig:

@@ -24,6 +24,8 @@ from swingid.preparation.speed import Speed
 SLOPES: dict[str, Callable[[Array], Array]] = {
     "cosine": lambda q: -np.sin(q),
     "sine": np.cos,
+    "cosine 2": lambda q: -2 * np.sin(2 * q),
+    "sine 2": lambda q: 2 * np.cos(2 * q),
     "scale": np.ones_like,
     "offset": np.zeros_like,
 }

@@ -30,6 +30,7 @@ from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.reference import FRICTION, Reference, turns_freely
 from swingid.preparation.scale import equation_of, refuse_rates
 from swingid.preparation.segment import FEWEST_TURNS, spin_down
+from swingid.result.encoders import encoders_cost
 from swingid.result.provenance import add_findings, defaults_taken, exact_in_row_one, of_several, provenance
 from swingid.result.result import Details, Message, Result
 from swingid.uncertainty.budget import Evaluated, Scatter, Source, evaluate, scatter, systematic
@@ -233,6 +234,7 @@ def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated,
         *notes,
         *_motor_notes(found),
         *defaults_taken(rig),
+        *encoders_cost(rig, evaluated.budget, evaluated.parameters),
     ]
     for run in found.runs:
         add_findings(run.part.log, warnings, notes, used=(run.part.start, run.part.stop))

@@ -229,5 +229,5 @@ def _uncertain_readings(encoders: Encoders, source: Input, *, rotary: bool) -> d
         if rotary:
             found |= {f"{prefix}nonlinearity.{name}": part.std for name, part in sensor.parts.items()}
         if source != "none":
-            found[f"{prefix}latency"] = sensor.latency.std
+            found[f"{prefix}latency"] = sensor.lateness
     return {key: std for key, std in found.items() if std}

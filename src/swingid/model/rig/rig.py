@@ -20,7 +20,7 @@ from swingid.model.rig.device import DeviceTable
 from swingid.model.rig.drive import Drive
 from swingid.model.rig.errors import describe
 from swingid.model.rig.fields import Column, Table, refuse, stated
-from swingid.model.rig.sensors import Sensors
+from swingid.model.rig.sensors import NONLINEARITY, Sensors
 from swingid.model.rig.tables import Axis, LogConventions
 from swingid.model.terms import MOTOR_KEYS, rig_terms
 from swingid.system import read_input
@@ -169,9 +169,9 @@ class Rig(Table):
         if self.drive.motor is not None:
             motor = self.drive.motor
             found |= {f"drive.motor.{k}": getattr(motor, k) for k in MOTOR_KEYS if stated(motor, k)}
-        if stated(self.sensors, "latency"):
+        if stated(self.sensors, "latency") and self.sensors.latency.value:
             found["sensors.latency"] = self.sensors.latency
-        if self.sensors.wheel is not None and stated(self.sensors.wheel, "latency"):
+        if self.sensors.wheel is not None and self.sensors.wheel.latency.value:
             found["sensors.wheel.latency"] = self.sensors.wheel.latency
         if self.drive.kind == "direct":
             found["log.torque_gain"] = self.log.torque_gain
@@ -211,7 +211,7 @@ class Rig(Table):
     def _check_linear(self) -> None:
         if self.drive.kind == "reaction-wheel":
             refuse("contradiction", "is 'reaction-wheel', which turns, but axis.kind is 'linear'", "drive.kind")
-        for key in ("counts_per_turn", "nonlinearity", "nonlinearity_cosine", "nonlinearity_sine"):
+        for key in ("counts_per_turn", *NONLINEARITY):
             if stated(self.sensors, key):
                 refuse("contradiction", "is per turn, but axis.kind is 'linear'", f"sensors.{key}")
         if stated(self.log, "angle_speed_unit") and self.log.angle_speed_unit not in ("m/s", "mm/s"):
@@ -229,13 +229,9 @@ class Rig(Table):
         for name in ("angle_speed", "wheel_speed"):
             if getattr(sensors, name) is not None and getattr(self.log, name) is None:
                 refuse("contradiction", f"is given, but log.{name} names no column", f"sensors.{name}")
-        for key in ("nonlinearity", "nonlinearity_cosine", "nonlinearity_sine", "noise", "resolution"):
-            if (
-                alone
-                and stated(sensors, key)
-                and (key.startswith("nonlinearity") or self.drive.kind != "reaction-wheel")
-            ):
-                other = "" if key.startswith("nonlinearity") else f"; that of the rate is sensors.angle_speed.{key}"
+        for key in (*NONLINEARITY, "noise", "resolution"):
+            if alone and stated(sensors, key) and (key in NONLINEARITY or self.drive.kind != "reaction-wheel"):
+                other = "" if key in NONLINEARITY else f"; that of the rate is sensors.angle_speed.{key}"
                 refuse("contradiction", f"is that of an angle, but log.angle_speed is a rate{other}", f"sensors.{key}")
 
     def _check_no_wheel(self) -> None:

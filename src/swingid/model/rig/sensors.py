@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from swingid.model.rig.fields import Table, plain_number, quantity, refuse
-from swingid.units import Quantity
+from swingid.model.rig.encoder_kinds import NAMES, Kind, kind_of
+from swingid.model.rig.fields import Table, given, plain_number, quantity, refuse, stated
+from swingid.units import Quantity, shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,9 +19,11 @@ class Sensor:
     """One encoder, resolved to SI: lengths in rad (a linear axis: m), times in s.
 
     `resolution` 0 is continuous. `cosine` and `sine` are α and β in q + α cos q + β sin q, the nonlinearity: as
-    stated (`calibrated` names those), else 0 with the standard deviation that the file declares for each. `noise` is
-    the standard deviation of white noise, `jitter` that of the reading instant (one draw per row for all channels).
-    `latency` positive: the value in row k is the angle at t_k + latency. `dropouts` is the fraction of rows lost.
+    stated (`calibrated` names those), else 0 with the standard deviation that the file declares for each, or, where
+    it declares none (`assumed`), that of its kind. `twice` is that of each part of cos 2q and sin 2q. `noise` is the
+    standard deviation of white noise, `jitter` that of the reading instant (one draw per row for all channels).
+    `latency` positive: the value in row k is the angle at t_k + latency; `delay` is the standard deviation that a
+    latency has which is not stated. `dropouts` is the fraction of rows lost.
     """
 
     resolution: float = 0.0
@@ -31,6 +34,9 @@ class Sensor:
     latency: Quantity = field(default=Quantity(0.0))
     jitter: float = 0.0
     dropouts: float = 0.0
+    twice: float = 0.0
+    assumed: bool = False
+    delay: float = 0.0
 
     @property
     def parts(self) -> dict[str, Quantity]:
@@ -43,6 +49,18 @@ class Sensor:
         return max(self.cosine.std or 0.0, self.sine.std or 0.0)
 
     @property
+    def lateness(self) -> float:
+        """Standard deviation (s) of the latency, stated or not."""
+        return math.hypot(self.latency.std or 0.0, self.delay)
+
+    @property
+    def drawn(self) -> tuple[Quantity, Quantity]:
+        """α and β of a twin: as stated; what is only assumed of a rig is not simulated."""
+        exact = (Quantity(part.value) for part in (self.cosine, self.sine))
+        cosine, sine = exact if self.assumed else (self.cosine, self.sine)
+        return cosine, sine
+
+    @property
     def bent(self) -> bool:
         """Whether the nonlinearity is known to be there, or may be."""
         return self.nonlinearity > 0 or any(part.value != 0 for part in self.parts.values())
@@ -52,14 +70,27 @@ LARGEST = 0.5
 """A nonlinearity (rad) beyond which a reading would no longer determine the angle; a larger one is a wrong unit."""
 
 
-class Encoder(Table):
-    """Keys of one encoder; all optional, a perfect sensor without them. Units and meaning as in `Sensor`."""
+def _known_kind(name: str | None) -> str | None:
+    if name is not None and name.lower() not in [one.lower() for one in NAMES]:
+        refuse("wrong-value", f"is {shown(name)}, but must be one of {', '.join(NAMES)}")
+    return name
 
+
+class Encoder(Table):
+    """Keys of one encoder; all optional. Units and meaning as in `Sensor`.
+
+    sensor: name of its kind, from which follows what is not stated of its nonlinearity; the kind is unknown where it is
+    not named. second_harmonic: standard deviation of each of the parts cos 2q and sin 2q; 0 where no kind is named, but
+    something of the nonlinearity is stated.
+    """
+
+    sensor: Annotated[str | None, AfterValidator(_known_kind)] = None
     counts_per_turn: Annotated[int, Field(strict=True, gt=0)] | None = None
     resolution: Annotated[float, plain_number("rad", "m", least=0)] | None = None
-    nonlinearity: Annotated[float, plain_number("rad", least=0)] = 0.0
+    nonlinearity: Annotated[float, plain_number("rad", least=0)] | None = None
     nonlinearity_cosine: Annotated[Quantity, quantity("rad", least=-LARGEST, most=LARGEST)] | None = None
     nonlinearity_sine: Annotated[Quantity, quantity("rad", least=-LARGEST, most=LARGEST)] | None = None
+    second_harmonic: Annotated[float, plain_number("rad", least=0)] | None = None
     noise: Annotated[float, plain_number("rad", "m", least=0)] = 0.0
     latency: Annotated[Quantity, quantity("s")] = Quantity(0.0)
     jitter: Annotated[float, plain_number("s", least=0)] = 0.0
@@ -71,11 +102,26 @@ class Encoder(Table):
             refuse("contradiction", "is given beside counts_per_turn; keep one of the two", "resolution")
         return self
 
+    @property
+    def kind(self) -> Kind:
+        """The kind of the sensor: as named, else unknown."""
+        return kind_of(self.sensor)
+
+    @property
+    def says_nonlinearity(self) -> bool:
+        """Whether anything of its nonlinearity is stated."""
+        return given(self.nonlinearity, self.nonlinearity_cosine, self.nonlinearity_sine)
+
     def resolved(self) -> Sensor:
         """The encoder as plain SI numbers."""
         counts = self.counts_per_turn
         resolution = self.resolution or 0.0 if counts is None else math.tau / counts
-        unknown = Quantity(0.0, self.nonlinearity or None)
+        once, twice = self.nonlinearity, self.second_harmonic
+        if once is None:
+            once = math.radians(self.kind.once)
+        if twice is None:
+            twice = 0.0 if self.sensor is None and self.says_nonlinearity else math.radians(self.kind.twice)
+        unknown = Quantity(0.0, once or None)
         parts = {"cosine": self.nonlinearity_cosine, "sine": self.nonlinearity_sine}
         return Sensor(
             resolution=resolution,
@@ -86,6 +132,8 @@ class Encoder(Table):
             latency=self.latency,
             jitter=self.jitter,
             dropouts=self.dropouts,
+            twice=twice,
+            assumed=self.nonlinearity is None,
         )
 
 
@@ -102,6 +150,10 @@ class RateSensor(Table):
 
 ONE_ENCODER = ("nonlinearity_cosine", "nonlinearity_sine")
 """Keys that hold for one piece of hardware: the wheel's encoder does not inherit the axis' calibration."""
+
+
+NONLINEARITY = ("nonlinearity", *ONE_ENCODER, "second_harmonic")
+"""Keys of what repeats with every turn."""
 
 
 class Sensors(Encoder):
@@ -134,8 +186,20 @@ class Sensors(Encoder):
 
     @cached_property
     def _of_wheel(self) -> Sensor:
+        return self.of_wheel.resolved()
+
+    @cached_property
+    def of_wheel(self) -> Encoder:
+        """The keys of the wheel's encoder, its own and inherited ones."""
         own = {} if self.wheel is None else {key: getattr(self.wheel, key) for key in self.wheel.model_fields_set}
         shared = {key: getattr(self, key) for key in Encoder.model_fields if key not in ONE_ENCODER}
         if "counts_per_turn" in own or "resolution" in own:
             shared |= {"counts_per_turn": None, "resolution": None}
-        return Encoder.model_construct(**shared | own).resolved()
+        if "sensor" in own:
+            shared |= {"nonlinearity": None, "second_harmonic": None}
+        return Encoder.model_construct(**shared | own)
+
+    @property
+    def says_latency(self) -> bool:
+        """Whether the file states when a channel is read."""
+        return stated(self, "latency") or (self.wheel is not None and stated(self.wheel, "latency"))

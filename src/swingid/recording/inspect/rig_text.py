@@ -198,12 +198,13 @@ def _sensors(roles: Roles, columns: Mapping[str, Column]) -> str:
         return RATE_SENSOR
     lines += _resolution(angle, columns[angle.column])
     lines += [
+        '# sensor = "AS5048A"                  # its kind; docs/rig.md lists them',
         '# nonlinearity = "0.1 deg"            # standard deviation of the once-per-turn cosine and sine parts',
         '# noise = "0.1 mrad"                  # standard deviation, white',
         '# latency = "0 ± 0.3 ms"              # of the angle against the time column; positive = read late',
     ]
     if roles.linear:
-        lines = [line for line in lines if "nonlinearity" not in line and "mrad" not in line]
+        lines = [line for line in lines if "nonlinearity" not in line and "sensor =" not in line and "mrad" not in line]
     wheel = roles.found.get("wheel_angle")
     more = [] if wheel is None else _resolution(wheel, columns[wheel.column])
     if more and (len(lines) < 2 or more[0].split("#")[0] != lines[1].split("#")[0]):

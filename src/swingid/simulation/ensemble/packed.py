@@ -86,7 +86,7 @@ class Sensors:
         sensors = [rig.sensors.of(name) for name in CHANNELS]
         return cls(
             steps=tuple(s.resolution for s in sensors),
-            bent=any(part.value or part.std for s in sensors for part in s.parts.values()),
+            bent=any(part.value or part.std for s in sensors for part in s.drawn),
             noisy=any(s.noise for s in sensors),
             late=any(s.jitter or s.latency.value or s.latency.std for s in sensors),
         )

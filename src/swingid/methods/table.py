@@ -88,14 +88,14 @@ class Method:
 
 def _agreed(method: Callable[..., Result], check: MomentumCheck, **options: object) -> Result:
     """The result of a method with the names of the checks that it carried out; errors of `require_agreement`."""
-    from swingid.checks.ran import ran, recorded
+    from swingid.checks.ran import recorded
     from swingid.checks.refusal import require_agreement
     from swingid.checks.table import in_order
 
     with recorded() as names:
         result = method(check, **options)
         if check.evidence is not None:
-            ran("signs")  # by momentum
+            names.add("signs")  # by momentum
     if result.details is not None:
         result = replace(result, details=replace(result.details, checks=in_order(names)))
     return result if check.read.one_of_several else require_agreement(result)
@@ -141,6 +141,7 @@ def _momentum_of(log: Recording, rig: Rig, options: Mapping[str, object], *, one
     prepared = prepare(log, rig, one_of_several=one_of_several)
     check = MomentumCheck(prepared, partial(_agreed, method), options)
     if kept is not None and not options:
+        kept[:] = [one for one in kept if one.log is log]  # logs come one after the other
         kept.append(_Kept(log, rig, one_of_several, check))
     return check
 

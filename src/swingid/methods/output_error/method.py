@@ -63,7 +63,7 @@ def output_error(
     estimate = estimate_of(*_best_fit(setup, law))
     searched = estimate.searched
     answer, differs = answer_of(estimate), None
-    if not estimate.robust:  # outliers have their whole weight in the momentum balance
+    if check.evidence is not None and not estimate.robust:  # outliers have their whole weight in momentum
         cause = "wrong motor constants" if setup.source == "voltage" else "friction that is not of this law"
         answer, differs = check.compared(answer, cause)
     warnings, notes = check_fit(answer, estimate, differs)

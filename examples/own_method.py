@@ -21,8 +21,8 @@ from swingid.balance.fits import WindowFit, column_noise, columns_of, covariance
 from swingid.balance.rows import rows_of
 from swingid.balance.systematics import grid_spread
 from swingid.balance.windows import law_windows
-from swingid.checks.hypothesis import Evidence, Judged
-from swingid.checks.level import chosen_at_level
+from swingid.checks.hypothesis import Judged
+from swingid.checks.momentum import MomentumCheck
 from swingid.checks.table import entries, messages_of
 from swingid.errors import UnanswerableError
 from swingid.methods.table import METHODS, Method
@@ -57,19 +57,20 @@ def compensated_fit(fit: WindowFit) -> WindowFit:
     return replace(fit, fit=found, covariance=covariance, computed=float(computed), declared=())
 
 
-def compensated(prepared: Prepared) -> Result:
+def compensated(check: MomentumCheck) -> Result:
     """Inertia and sought coefficients by bias-compensated least squares on windows."""
-    prepared, part, choice, moved = chosen_at_level(prepared, "auto")
+    prepared, part, choice, moved = check.balanced
     law, signals, rig = choice.law, choice.signals, prepared.rig
     suited = signals.suited(SHORTER * law.half)
     plain = fit_rows(rows_of(suited, law_windows(suited, SHORTER * law.half)), law.equation, law.noise, law.friction)
     if plain is None:
         raise UnanswerableError("the log is too short for the unknowns; record a longer one.", code="too-short")
-    own, evidence = compensated_fit(plain), Evidence(choice, part)
+    own, evidence = compensated_fit(plain), check.evidence
     contradicted = entries(evidence, own.u, own=False)
     common = {"place of the encoder's grid": grid_spread(suited, own, "inertia")} | contradicted
     found = _evaluated(own, prepared, errors_of(own.rows, suited, rig, own.equation, own.coefficients), common)
     u = found.parameters["inertia"].standard_uncertainty or 0.0
+    found, differs = check.compared(found, "the power of the noise")
     alone = max(u**2 - sum(spread**2 for spread in contradicted.values()), 0.0) ** 0.5
     limits = {"timing": u} | dict.fromkeys(("alone", "angle", "gravity", "balance", "place"), alone)
     judged = Judged(own.inertia, own.a11, limits)
@@ -79,7 +80,7 @@ def compensated(prepared: Prepared) -> Result:
         turning_times=signals.motion.turning_times, turning_angles=signals.motion.turning_angles,
         residual_times=own.rows.windows.centres, residuals=own.fit.residuals / (own.rows.windows.half * 32 / 35),
     )  # fmt: skip
-    warnings, notes = [*warnings, *moved.warnings], [part.note, *moved.notes, *notes]
+    warnings, notes = [*warnings, *differs, *moved.warnings], [part.note, *moved.notes, *notes]
     return prepared.result(NAME, found, part, warnings, notes, details, found=moved.corrections)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from swingid.checks.consistency import DISAGREES
+from swingid.checks.momentum import DISAGREES
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.identification import identify

@@ -24,7 +24,7 @@ from closed_form_logs import (
 )
 from swingid.balance.fits import Noise
 from swingid.balance.rows import Signals
-from swingid.checks.consistency import DISAGREES
+from swingid.checks.momentum import DISAGREES
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.methods.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, Cutoff, choose_cutoff

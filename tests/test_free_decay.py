@@ -11,9 +11,10 @@ import swingid as sw
 from swingid.balance.parts import trends, unexplained
 from swingid.checks.free_decay import loss_unexplained
 from swingid.checks.hypothesis import Evidence, Finding, Judged
-from swingid.checks.rig_file import RigFileCheck
+from swingid.checks.momentum import MomentumCheck
 from swingid.checks.stability import disagreeing
 from swingid.checks.table import TABLE, messages_of
+from swingid.methods.momentum.method import momentum
 from swingid.preparation.prepared import prepare
 
 INERTIA, GRAVITY = 3e-3, 0.08
@@ -34,9 +35,9 @@ def rig_of(friction: str, more: str = "") -> sw.Rig:
 
 
 def evidence_of(log: sw.Recording, rig: sw.Rig) -> Evidence:
-    check = RigFileCheck.of(prepare(log, rig))
-    assert check is not None
-    return check.evidence
+    evidence = MomentumCheck(prepare(log, rig), momentum).evidence
+    assert evidence is not None
+    return evidence
 
 
 def decay(rig: sw.Rig, seed: int = 1, amplitude: float = 1.4) -> sw.Recording:

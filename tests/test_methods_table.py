@@ -10,11 +10,11 @@ import pytest
 
 import swingid as sw
 from factories import clean_result, rotary_log, rotary_rig
+from swingid.checks.momentum import MomentumCheck
 from swingid.cli import main
 from swingid.cli.options import method_name
 from swingid.errors import UsageError
 from swingid.methods.table import METHODS, Method, method_of
-from swingid.preparation.prepared import Prepared
 from swingid.recursive.stream import MAKERS
 from swingid.study.compare.comparison import assumptions
 from swingid.study.inspect.motion import services
@@ -56,8 +56,8 @@ def test_what_is_set_for_several_logs_is_no_option(capsys: pytest.CaptureFixture
 def test_a_method_is_an_entry_and_a_function(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a new entry reaches: identify, the command, the options, the comparison, what inspect says of a log."""
 
-    def toy(prepared: Prepared, *, size: float = 1.0, wide: bool = False) -> sw.Result:
-        assert prepared.rig is rig
+    def toy(check: MomentumCheck, *, size: float = 1.0, wide: bool = False) -> sw.Result:
+        assert check.prepared.rig is rig
         return replace(clean_result(), method="toy")
 
     entry = Method("toy", lambda: toy, motor="needed", friction="law", speeds="filtered")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swingid.checks.momentum import MomentumCheck
 from swingid.errors import InputError
 from swingid.methods.momentum.method import momentum
 from swingid.model.equation import Equation
@@ -74,7 +75,7 @@ def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:
     details: list[Details] = []
     widths, wheel_widths = [], []
     for log, noise in zip(logs, noises, strict=True):
-        found = momentum(prepare(log, rig)).details
+        found = MomentumCheck(prepare(log, rig), momentum).result().details
         assert found is not None
         details.append(found)
         used = log.segment(found.start, found.stop)

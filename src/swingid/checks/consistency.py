@@ -1,42 +1,22 @@
-"""Consistency of an estimate with equations (I) and (II) on modulating functions, for methods that use speeds or the
-motor.
-"""
+"""Checks of an estimate that uses speeds or the motor: rows per swing, equation (II), saturation of the voltage."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 
-from swingid.balance.choice import FLAT
-from swingid.balance.fits import BASIS, WindowFit, fit_rows
-from swingid.balance.motor import MotorBalance, motor_balance
-from swingid.balance.reversals import impulse_possible
-from swingid.balance.rows import Signals, rows_of
-from swingid.balance.windows import law_windows
-from swingid.checks.answer import Fault, check_answer, check_motor, check_sign, voltage_remedy, wrong_sign
+from swingid.checks.answer import Fault, check_answer, voltage_remedy, wrong_sign
+from swingid.checks.momentum import MomentumCheck
 from swingid.checks.ran import ran
-from swingid.checks.rig_file import RigFileCheck
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import stated_at
-from swingid.numerics.arrays import median, quantile
-from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import Motion
-from swingid.preparation.noise import Noise
 from swingid.recording.recording import Recording
 from swingid.result.provenance import exact_constants
 from swingid.result.result import Message
-from swingid.uncertainty.budget import BudgetEntry, Evaluated, Parameter, combined
-from swingid.uncertainty.significance import INDICATED
+from swingid.uncertainty.budget import Evaluated, Parameter
 from swingid.units import Quantity
-
-DISAGREES = "disagreement with the momentum balance"
-
-CLOSE = 0.003
-"""Relative difference to the momentum balance that is not worth a warning."""
 
 SATURATED = 0.6
 """Share of rows with the voltage at its limits from which on the effect of its jumps on the energy is significant."""
@@ -49,95 +29,31 @@ FEWEST_PER_SWING = 10
 
 MOTOR_KEYS = ("drive.motor.torque_per_volt", "drive.motor.efficiency", "drive.wheel.inertia", "drive.motor.gear_ratio")
 
-SHARES = (1 / 2, 1 / 4, 1 / 8, 1 / 16)
-"""Half-lengths, in swings, of the windows that are compared."""
 
-LOUDER, FROM = 1.5, 0.3
-"""Windows of half the length have at least so many times the relative uncertainty by noise of the sensors, from this
-half-length (in swings) on: on even windows 4 times by white noise of an angle, twice by that of a rate."""
-
-SWINGS = 12
-"""Swings from which a wrong sign or wrong motor constants are detected."""
-
-
-@dataclass(frozen=True)
-class Consistency:
-    """Equations (I) and (II) on modulating functions, more sensitive to signs and motor constants than energies are."""
-
-    signals: Signals
-    windows: WindowFit | None
-    balance: MotorBalance | None
-
-
-def consistency_check(
-    log: Recording, rig: Rig, motion: Motion, equation: Equation, noise: Noise, encoders: Encoders
-) -> Consistency:
-    """Fit equation (I) and evaluate (II) on one set of windows over the first swings of a log.
-
-    Raises InputError where wheel, torque or voltage has the wrong sign.
-    """
-    if len(motion.turning_times) > SWINGS:
-        log = log.segment(float(log.time[0]), float(motion.turning_times[SWINGS]))
-        motion = motion.within(float(log.time[0]), float(log.time[-1]))
-    signals = Signals.of(log, rig, motion, encoders)
-    speed = motion.speed
-    quickest = quantile(np.abs(speed.acceleration(speed.grid)), 0.99)
-    length = max(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), 5 * noise.step)
-    longest = min(length, log.duration / 20)
-    fit = best_windows(signals, equation, noise, (*BASIS, "memory"), longest)
-    if fit is not None and not impulse_possible(equation, motion, abs(fit.value("memory")), fit.value("coulomb")):
-        fit = best_windows(signals, equation, noise, BASIS, longest)
-    where = log.source.path or "the log"
-    if fit is None:
-        return Consistency(signals, None, None)
-    check_sign(fit, where, live=log.is_live)
-    balance = motor_balance(log, rig, signals, fit.rows.windows, noise)
+def require_signs(check: MomentumCheck) -> None:
+    """Raise InputError where equation (I) shows that a channel has the wrong sign, or (II) that the voltage has."""
+    check.require_signs()
+    balance, log = check.motor_balance, check.prepared.log
     if balance is not None and (reversed_sign := wrong_sign(balance)):
-        text = f"{where}: voltage has {reversed_sign}; {voltage_remedy(log.is_live)}."
+        text = f"{log.source.path or 'the log'}: voltage has {reversed_sign}; {voltage_remedy(log.is_live)}."
         raise InputError(text, code="wrong-sign")
-    return Consistency(signals, fit, balance)
 
 
-def best_windows(
-    signals: Signals, equation: Equation, noise: Noise, terms: tuple[str, ...], first: float | None = None
-) -> WindowFit | None:
-    """The fit with about the least relative uncertainty of a11 on windows of several lengths; None for too few swings.
-
-    Noise attenuates short windows, the lack of fit of the friction biases long ones. first: the half-length (s) that
-    is taken if its uncertainty is about the least.
-    """
-    if len(signals.motion.turning_times) < 2:  # no swing, whose half-period would be the measure
-        return None
-    swing = signals.motion.half_period
-    seen: list[WindowFit] = []
-    least = np.inf
-    for half in [*([] if first is None else [first]), *(share * swing for share in SHARES)]:
-        fit = fit_rows(rows_of(signals.suited(half), law_windows(signals, half)), equation, noise, terms)
-        if fit is None or not np.isfinite(fit.u):
-            continue
-        seen.append(fit)
-        least = min(least, fit.relative(fit.u))
-        if half != first and half < FROM * swing and LOUDER * fit.relative(fit.computed**0.5) >= least:
-            break  # noise alone makes shorter ones worse
-    return next((fit for fit in seen if fit.relative(fit.u) <= FLAT * least), None)
+def cause_of(equation: Equation) -> str:
+    """The likely cause of a difference of the energies' inertia to momentum's."""
+    wheel = equation.drive == "reaction-wheel"
+    return "wrong motor constants" if wheel else "friction that does not depend on the speed alone"
 
 
 def check_energy(
-    answer: Evaluated,
-    consistency: Consistency,
-    rig: Rig,
-    equation: Equation,
-    motion: Motion,
-    compared: float | None,
-    rig_file: RigFileCheck | None,
+    answer: Evaluated, check: MomentumCheck, equation: Equation, motion: Motion, differs: list[Message]
 ) -> tuple[list[Message], list[Message]]:
     """Warnings and notes; raises UnanswerableError where the data do not determine the inertia.
 
-    compared: standard uncertainty with which the inertia is compared with the momentum balance, None where it is not.
-    rig_file: the balance of all swings.
+    differs: warnings of the difference to momentum's inertia.
     """
-    inertia, sensitivities = answer.parameters["inertia"], answer.sensitivities
-    per_swing = motion.half_period / median(np.diff(consistency.signals.nodes.stamps))
+    inertia, sensitivities, rig = answer.parameters["inertia"], answer.sensitivities, check.prepared.rig
+    per_swing = motion.half_period / check.prepared.noise.step
     if per_swing < FEWEST_PER_SWING:
         raise UnanswerableError(
             f"the log has {per_swing:.1f} rows per swing, too few for speeds, on which the energy depends; log at "
@@ -150,22 +66,19 @@ def check_energy(
             "the signs and scales under [log] and the motor's constants, or use the momentum method.",
             code="not-identifiable",
         )
-    warnings = rig_file.warnings(inertia) if rig_file else []
+    alone = check.alone(answer)
+    warnings = check.warnings(alone)
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
     near_resonance = None
-    if consistency.windows is not None and inertia.standard_uncertainty is not None:
+    if check.evidence is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
-        alone = rig_file.alone(inertia) if rig_file else inertia
         checked = check_answer(
-            answer.parameters | {"inertia": alone}, answer.budget, consistency.windows, amplitude, rig
+            answer.parameters | {"inertia": alone}, answer.budget, check.evidence.law, amplitude, rig
         )
-        wheel = equation.drive == "reaction-wheel"
-        cause = "wrong motor constants" if wheel else "friction that does not depend on the speed alone"
-        differs = [] if compared is None else against_momentum(inertia, compared, consistency.windows, cause)
         warnings += checked.warnings + differs
         notes += [checked.identifiability, *checked.notes]
         near_resonance = None if differs else checked.near_resonance
-    motor = check_motor(consistency.balance, consistency.signals, uses_motor=True)
+    motor = check.motor(inertia, uses_motor=True)
     notes += motor.notes
     if equation.drive == "reaction-wheel":
         text = f"{motor_sensitivities(rig, sensitivities, inertia)}; momentum needs no motor constant."
@@ -178,30 +91,6 @@ def check_energy(
         else:
             warnings += motor.warnings
     return warnings, notes
-
-
-def against_momentum(
-    inertia: Parameter, compared: float, windows: WindowFit, cause: str, shift: float = 0.0
-) -> list[Message]:
-    """A warning where the momentum balance of a few swings gives another inertia than the uncertainties explain.
-
-    shift: change of the inertia of the balance where constants are as estimated, not as stated.
-    """
-    ran("momentum")
-    difference = inertia.value - shift - windows.inertia
-    if not abs(difference) >= max(INDICATED * np.hypot(compared, windows.u), CLOSE * abs(inertia.value - shift)):
-        return []
-    share = inertia.value / (windows.inertia + shift) - 1
-    text = (
-        f"this inertia is {abs(share):.1%} {'more' if share > 0 else 'less'} than the momentum balance of the same "
-        f"swings gives; the likely cause is {cause}, on which the momentum method depends less."
-    )
-    return [Message("disagrees-with-momentum", text)]
-
-
-def without_momentum(budget: Sequence[BudgetEntry]) -> float:
-    """Standard uncertainty of the inertia by all sources but the disagreement with the momentum balance."""
-    return combined([entry for entry in budget if entry.source != DISAGREES], "inertia")
 
 
 def motor_sensitivities(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> str:

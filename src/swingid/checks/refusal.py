@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from swingid.balance.identifiability import HOPELESS
-from swingid.checks.rig_file import RigFileCheck
+from swingid.checks.momentum import MomentumCheck
 from swingid.checks.table import CONTRADICTIONS
 from swingid.errors import UnanswerableError
 from swingid.format import percent
-from swingid.preparation.prepared import Prepared
 from swingid.result.result import Parameter, Result
 
 UNDETERMINED = ("not-identifiable", "poor-fit")
 """Codes of refusals of which a contradiction may be the cause."""
 
 
-def explained(error: UnanswerableError, prepared: Prepared) -> UnanswerableError:
+def explained(error: UnanswerableError, check: MomentumCheck) -> UnanswerableError:
     """The refusal of a log that does not determine the inertia; of one that contradicts its rig file, that instead."""
-    if error.code not in UNDETERMINED or prepared.one_of_several:
-        return error
-    check = RigFileCheck.of(prepared)
-    if check is None:
+    if error.code not in UNDETERMINED or check.read.one_of_several or check.evidence is None:
         return error
     law = check.evidence.law
     found = check.warnings(Parameter.of(law.inertia, law.total, law.equation.unit))

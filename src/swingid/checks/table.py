@@ -143,7 +143,9 @@ CHECKS = {
         ("voltage-sign", "wheel-angle-reading", "motor-balance", "drive-held"),
     ),
     **_checks(TABLE),
-    "momentum": Check("agreement with the momentum balance of the same swings", ("disagrees-with-momentum",)),
+    "momentum": Check(
+        "agreement with the answer of the momentum method", ("disagrees-with-momentum", "not-compared-with-momentum")
+    ),
     "saturation": Check("saturation of the voltage", ("voltage-saturated",)),
 }
 """The checks by name, in the order of a report."""

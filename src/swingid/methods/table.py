@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from functools import partial
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from swingid.errors import UnanswerableError, UsageError
 
 if TYPE_CHECKING:
+    from swingid.checks.momentum import MomentumCheck
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
     from swingid.result.result import Result
@@ -20,7 +24,7 @@ KINDS: dict[str, tuple[str, type]] = {"bool": ("true or false", bool), "str": ("
 
 
 Load = Callable[[], Callable[..., "Result"]]
-"""Imports and returns a method's function: from a `Prepared` to a `Result`, with options as keyword arguments.
+"""Imports and returns a method's function: from a `MomentumCheck` to a `Result`, with options as keyword arguments.
 
 It raises InputError where a channel is missing, UnanswerableError where the log does not determine J1.
 """
@@ -32,10 +36,8 @@ class Method:
 
     friction: what it assumes of the friction of the axis, "any", a "basis" of terms, one "law", or "viscous". speeds:
     where its speeds come from, "none" where it needs none. gravity, drive: it needs a gravity torque above 0, a drive.
-    turning_points: it uses a log from its first to its last turning point. unbroken: it is recursive, so uses the
-    longest run without a gap. in_parts: results of the parts of a large log can be pooled. online: `sw.online` has
-    it. rates: it estimates what is unknown of an angle that is the integral of a rate; the others get it as the
-    momentum balance gives it.
+    turning_points: it uses a log from its first to its last turning point. in_parts: results of the parts of a large
+    log can be pooled. online: `sw.online` has it.
     """
 
     name: str
@@ -46,37 +48,21 @@ class Method:
     gravity: bool = False
     drive: bool = False
     turning_points: bool = False
-    unbroken: bool = False
     in_parts: bool = False
     online: bool = False
-    rates: bool = False
 
     def identify(
         self, log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool = False
     ) -> Result:
         """Prepare the log and identify it; errors as in `Load`. one_of_several: of logs of one body."""
-        from swingid.checks.ran import recorded
-        from swingid.checks.refusal import explained, require_agreement
-        from swingid.checks.table import in_order
-        from swingid.preparation.prepared import prepare
+        from swingid.checks.refusal import explained
 
-        method = self.load()
-        prepared = prepare(log, rig, unbroken=self.unbroken, one_of_several=one_of_several)
-        if prepared.encoders.level is not None and not self.rates:
-            from swingid.checks.level import chosen_at_level
-            from swingid.preparation.scale import refuse_rates
-
-            if self.unbroken:
-                refuse_rates(rig, f"the method {self.name}")
-            prepared = chosen_at_level(prepared)[0]
+        own = self.name == DEFAULT
+        check = _momentum_of(log, rig, options if own else {}, one_of_several=one_of_several)
         try:
-            with recorded() as names:
-                result = method(prepared, **options)
+            return check.result() if own else _agreed(self.load(), check, **options)
         except UnanswerableError as error:
-            raise explained(error, prepared) from None
-        if result.details is not None:
-            result = replace(result, details=replace(result.details, checks=in_order(names)))
-        return result if one_of_several else require_agreement(result)
+            raise explained(error, check) from None
 
     def options(self) -> dict[str, inspect.Parameter]:
         """The options by name, with their types and defaults."""
@@ -98,6 +84,66 @@ class Method:
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"the nearest is {near[0]!r}." if near else f"its options: {', '.join(known) or 'none'}."
             raise UsageError(f"method {self.name} has no option {name!r}; {hint}", code="unknown-option")
+
+
+def _agreed(method: Callable[..., Result], check: MomentumCheck, **options: object) -> Result:
+    """The result of a method with the names of the checks that it carried out; errors of `require_agreement`."""
+    from swingid.checks.ran import recorded
+    from swingid.checks.refusal import require_agreement
+    from swingid.checks.table import in_order
+
+    with recorded() as names:
+        result = method(check, **options)
+        if check.evidence is not None:
+            names.add("signs")  # by momentum
+    if result.details is not None:
+        result = replace(result, details=replace(result.details, checks=in_order(names)))
+    return result if check.read.one_of_several else require_agreement(result)
+
+
+class _Kept(NamedTuple):
+    """Momentum's answer to a log on a rig."""
+
+    log: Recording
+    rig: Rig
+    one_of_several: bool
+    check: MomentumCheck
+
+
+_kept: ContextVar[list[_Kept] | None] = ContextVar("answers of momentum", default=None)
+
+
+@contextmanager
+def one_momentum() -> Iterator[None]:
+    """Within the block all methods are compared with the same answer of momentum to a log, made once."""
+    token = _kept.set([])
+    try:
+        yield
+    finally:
+        _kept.reset(token)
+
+
+def forget_momentum() -> None:
+    """Make the answers of `one_momentum` anew."""
+    (_kept.get() or []).clear()
+
+
+def _momentum_of(log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool) -> MomentumCheck:
+    """Momentum's answer with these options, which is made where it is asked for."""
+    from swingid.checks.momentum import MomentumCheck
+    from swingid.preparation.prepared import prepare
+
+    kept = _kept.get()
+    for one in kept or () if not options else ():
+        if one.log is log and one.rig == rig and one.one_of_several == one_of_several:
+            return one.check
+    method = METHODS[DEFAULT].load()
+    prepared = prepare(log, rig, one_of_several=one_of_several)
+    check = MomentumCheck(prepared, partial(_agreed, method), options)
+    if kept is not None and not options:
+        kept[:] = [one for one in kept if one.log is log]  # logs come one after the other
+        kept.append(_Kept(log, rig, one_of_several, check))
+    return check
 
 
 def _momentum() -> Callable[..., Result]:
@@ -131,14 +177,13 @@ def _backstepping() -> Callable[..., Result]:
 
 
 _TABLE = (
-    Method("momentum", _momentum, motor="unused", friction="any", speeds="none", in_parts=True, online=True,
-           rates=True),
+    Method("momentum", _momentum, motor="unused", friction="any", speeds="none", in_parts=True, online=True),
     Method("energy", _energy, motor="needed", friction="basis", speeds="smoothed", turning_points=True, in_parts=True,
            online=True),
     Method("output-error", _output_error, motor="optional", friction="law", speeds="none"),
     Method("equation-error", _equation_error, motor="unused", friction="law", speeds="filtered"),
     Method("backstepping", _backstepping, motor="needed", friction="viscous", speeds="smoothed", gravity=True,
-           drive=True, unbroken=True),
+           drive=True),
 )  # fmt: skip
 
 METHODS: dict[str, Method] = {method.name: method for method in _TABLE}

@@ -20,7 +20,7 @@ from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.push import push_decided
 from swingid.preparation.rate import levelled
 from swingid.preparation.scale import equation_of, refuse_motor, require_channels
-from swingid.preparation.segment import longest_run, part_of
+from swingid.preparation.segment import part_of
 from swingid.preparation.strings import VerticalMotion
 from swingid.preparation.zero import centred
 from swingid.recording.recording import Recording
@@ -176,14 +176,12 @@ def prepare(
     log: Recording,
     rig: Rig,
     *,
-    unbroken: bool = False,
     one_of_several: bool = False,
     together: bool = False,
     scaled_elsewhere: bool = False,
 ) -> Prepared:
     """Decide what is corrected in a log and excluded from it, and do it.
 
-    unbroken: the longest run of rows without an excluded part, for methods that proceed from row to row.
     together: for one fit to several logs, which may have a motor on the axis; scaled_elsewhere: see `equation_of`.
     Raises InputError where the log lacks what the rig's drive needs, UnanswerableError without a scale reference.
     """
@@ -197,7 +195,6 @@ def prepare(
     equation = equation_of(rig, elsewhere=scaled_elsewhere)
     require_channels(log, rig)
     log, zero = centred(log, rig) if level is None else (log, ())
-    log = longest_run(log) if unbroken else log
     return Prepared(log, rig, equation, encoders, (*corrections, *pushes, *zero), one_of_several)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import combinations
 
 from swingid.result.data import ResultData
-from swingid.uncertainty.budget import BudgetEntry
+from swingid.uncertainty.budget import BudgetEntry, Evaluated
 from swingid.uncertainty.uncertain import Uncertain
 
 Identity = Callable[[BudgetEntry], str]
@@ -39,7 +39,7 @@ def values_of(result: ResultData, names: Iterable[str], identity: Identity = by_
     return {name: replace(one, correlations=found) for name, one in values.items()}
 
 
-def value_of(result: ResultData, name: str, identity: Identity = by_source) -> Uncertain:
+def value_of(result: ResultData | Evaluated, name: str, identity: Identity = by_source) -> Uncertain:
     """A parameter with the sources of its budget."""
     found = Uncertain(result.parameters[name].value)
     for k, entry in enumerate(entry for entry in result.budget if entry.parameter == name):

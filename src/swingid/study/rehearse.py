@@ -14,7 +14,7 @@ import numpy as np
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import percent
 from swingid.identification import identify
-from swingid.methods.table import METHODS, method_of
+from swingid.methods.table import METHODS, method_of, one_momentum
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
@@ -215,9 +215,10 @@ def run_once(experiment: Experiment, seed: int) -> tuple[Outcome, ...]:
     except (UnanswerableError, InputError) as error:
         return tuple(Outcome(np.nan, np.nan, error.code) for _ in experiment.methods)
     inertia = float(truth["inertia"])
-    return tuple(
-        _outcome(read, experiment.stated, method, options, inertia) for _, method, options in experiment.methods
-    )
+    with one_momentum():
+        return tuple(
+            _outcome(read, experiment.stated, method, options, inertia) for _, method, options in experiment.methods
+        )
 
 
 def _outcome(log: Recording, rig: Rig, method: str, options: Mapping[str, object], truth: float) -> Outcome:

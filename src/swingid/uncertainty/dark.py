@@ -31,20 +31,26 @@ standard uncertainty by 1.5 % in the mean, where σ = u. A log is compared in so
 such a case a priori. Coverage of simulated logs with it: docs/campaign.md.
 """
 
+LARGEST = 1 - 1e-9
+"""Largest prior probability, whose complement has a logarithm."""
+
 BELOW, BEYOND, STEP = 18.0, 36.0, 0.25
 """Of the integral over ln(τ²/s²): how far below 1 and beyond (d² + σ²)/s² it goes, where less than 1e-7 is left."""
 
 
-def dark_uncertainty(difference: float, variance: float, uncertainty: float, ways: int = 1) -> float:
+def dark_uncertainty(
+    difference: float, variance: float, uncertainty: float, ways: int = 1, incomplete: float = PRIOR
+) -> float:
     """Standard uncertainty τ that the difference of two estimates adds to one of them, in the unit of the difference.
 
     difference: d. variance: σ² ≥ 0, of d where both budgets are complete. uncertainty: u of the estimate τ is added to.
     ways: of so many in which the budget may lack one error this comparison is one; they share the prior probability.
+    incomplete: that probability, where more is known of the budget.
     """
     gap, sigma = abs(difference), math.sqrt(max(variance, 0.0))
     if sigma == 0.0 or not math.isfinite(gap + sigma):
         return gap
-    prior, s = PRIOR / ways, min(sigma, abs(uncertainty))
+    prior, s = min(max(incomplete, PRIOR) / ways, LARGEST), min(sigma, abs(uncertainty))
     s = max(s, 1e-6 * sigma)
     d2, v = (gap / s) ** 2, (sigma / s) ** 2
     # over x = ln τ², in units of s: density dB = e^x/(1 + e^x)² dx of B = 1/(1 + τ²), which is uniform

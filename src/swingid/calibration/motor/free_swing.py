@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from swingid.calibration.outcome import Found, shifts_of
+from swingid.checks.momentum import MomentumCheck
 from swingid.methods.momentum.method import momentum
 from swingid.model.parameters import AXIS_TILT
 from swingid.model.rig import Rig
@@ -36,7 +37,7 @@ def free_swing(log: Recording, rig: Rig) -> Found:
     Errors as `momentum`.
     """
     alone = _without_drive(rig)
-    found, b = momentum(prepare(log, alone)), alone.axis.acting_gravity
+    found, b = MomentumCheck(prepare(log, alone), momentum).result(), alone.axis.acting_gravity
     inertia = found.inertia.value
     ratio = (1.0 if b is None else b.value) / inertia
     own = [e for e in found.budget if e.parameter == "inertia" and e.shared_id not in (GRAVITY, AXIS_TILT)]

@@ -22,8 +22,8 @@ def answer(
     """Parameters with their budget, and the sensitivity of the inertia to each constant.
 
     others: runs with another law or other velocities, by name; the difference to them is an uncertainty, as with the
-    right model and without delays there would be none. conflict: uncertainty by `checks.rig_file`. relative: as in
-    `evaluate`.
+    right model and without delays there would be none. conflict: uncertainty by the gravity torque.
+    relative: as in `evaluate`.
     """
     settled = run.settled
     values = run.estimates(settled.first, settled.last)

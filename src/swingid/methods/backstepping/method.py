@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from swingid.checks.consistency import check_energy, consistency_check
-from swingid.checks.rig_file import RigFileCheck
+from swingid.checks.consistency import cause_of, check_energy, require_signs
+from swingid.checks.momentum import MomentumCheck
 from swingid.control.observer import VelocityObserver
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.backstepping import signals
@@ -23,8 +23,8 @@ from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
-from swingid.preparation.prepared import Prepared
-from swingid.preparation.scale import refuse_terms, require_motor
+from swingid.preparation.scale import refuse_rates, refuse_terms, require_motor
+from swingid.preparation.segment import longest_run
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Parameter, Result
 
@@ -33,7 +33,7 @@ FAR = 0.01
 
 
 def backstepping(
-    prepared: Prepared,
+    check: MomentumCheck,
     *,
     law: str = "printed",
     velocities: str = "smoothed",
@@ -60,17 +60,18 @@ def backstepping(
             f'unknown velocities {velocities!r} of "backstepping"; choose "smoothed" or "observers".',
             code="no-velocities",
         )
-    rig = prepared.rig
+    rig = check.read.rig
+    refuse_rates(rig, "the method backstepping")
+    prepared = replace(check.read, log=longest_run(check.read.log))
     _require_gravity(rig, prepared.equation)
     refuse_terms(rig, "the method backstepping")
     require_motor(prepared.log, rig, prepared.equation, "backstepping")
     # a transient feeds the adaptation, so all of the log; a free decay from its release
     part = prepared.part(whole=rig.drive.kind != "none", at_stamps=True)
-    log, equation, used, motion, noise = prepared.log, prepared.equation, part.log, part.motion, part.noise
+    equation, used, motion, noise = prepared.equation, part.log, part.motion, part.noise
     smoothed, other_law = widths_of(used, motion, noise), LAWS[1 - LAWS.index(law)]
     widths = smoothed if velocities == "smoothed" else None
-    as_read = log.segment(float(used.time[0]), float(used.time[-1]))
-    consistency = consistency_check(as_read, rig, motion, equation, noise, prepared.encoders)
+    require_signs(check)
     channels = channels_of(used, widths)
     run = _run(channels, rig, motion, gains)
     others = {f"{other_law} law": _run(channels, rig, motion, replace(gains, law=other_law))}
@@ -85,20 +86,17 @@ def backstepping(
         own = channels if changed_log is used else channels_of(changed_log, widths)
         return _run(own, changed_rig, motion, gains).estimates(run.settled.first, run.settled.last)
 
-    rig_file = RigFileCheck.of(prepared)
-    conflict = rig_file.conflict if rig_file else 0.0
     declared = effects(used, rig, equation, part.encoders, again)
-    answered = answer(run, others, declared, equation, conflict, rig.axis.model_uncertainty)
-    parameters = answered.parameters
-    compared = parameters["inertia"].standard_uncertainty if equation.drive == "reaction-wheel" else None
-    warnings, notes = check_energy(answered, consistency, rig, equation, motion, compared, rig_file)
-    answered = rig_file.widened(answered) if rig_file else answered
-    unsettled, more = _messages(run, gains, widths, parameters["inertia"])
+    answered = answer(run, others, declared, equation, check.conflict, rig.axis.model_uncertainty)
+    answered, differs = check.compared(answered, cause_of(equation))
+    warnings, notes = check_energy(answered, check, equation, motion, differs)
+    unsettled, more = _messages(run, gains, widths, answered.parameters["inertia"])
+    answered = check.widened(answered)
     warnings, notes = [*unsettled, *warnings], [part.note, *more, *notes]
     options: dict[str, object] = {"law": law, "velocities": velocities}
     standard = Gains(law)
     options |= {name: value for name, value in vars(gains).items() if value != getattr(standard, name)}
-    drawn = details(run, others, f"{law} law", motion, consistency.balance)
+    drawn = details(run, others, f"{law} law", motion, check.motor_balance)
     return prepared.result("backstepping", answered, part, warnings, notes, drawn, options)
 
 

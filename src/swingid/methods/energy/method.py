@@ -16,22 +16,14 @@ import numpy as np
 from swingid.balance.choice import FLAT
 from swingid.balance.energies import of_energy
 from swingid.balance.fits import BASIS
-from swingid.checks.consistency import (
-    CLOSE,
-    DISAGREES,
-    Consistency,
-    check_energy,
-    check_saturation,
-    consistency_check,
-    without_momentum,
-)
-from swingid.checks.rig_file import RigFileCheck
+from swingid.checks.consistency import cause_of, check_energy, check_saturation, require_signs
+from swingid.checks.momentum import MomentumCheck
 from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_details, with_chain
 from swingid.methods.energy.balance import Course, PassRows
 from swingid.methods.energy.chain import Chain
-from swingid.methods.energy.fit import PassFit, fit_passes, sensor_variance
+from swingid.methods.energy.fit import fit_passes, sensor_variance
 from swingid.methods.energy.jitter import find_jitter
 from swingid.methods.energy.passes import Passes, mirrored_passes
 from swingid.methods.energy.printed import (
@@ -47,10 +39,9 @@ from swingid.methods.energy.printed import (
 from swingid.methods.energy.symmetry import Symmetry, asymmetry_bound, friction_profile
 from swingid.model.equation import Equation
 from swingid.numerics.arrays import Array
-from swingid.preparation.prepared import Part, Prepared
+from swingid.preparation.prepared import Part
 from swingid.preparation.scale import require_motor
 from swingid.result.result import Message, Result
-from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import INDICATED
 
 LEVELS = (1 - np.cos(np.linspace(0.1, 1.55, 24))) / 2
@@ -58,9 +49,12 @@ LEVELS = (1 - np.cos(np.linspace(0.1, 1.55, 24))) / 2
 
 FEWEST_BLOCKS = 3
 
+CLOSE = 0.003
+"""Relative difference of the estimates with and without instruments that is no sign of attenuation."""
+
 
 def energy(
-    prepared: Prepared,
+    check: MomentumCheck,
     *,
     variant: str = "better",
     nodes: Sequence[Nodes] | Nodes | None = None,
@@ -80,27 +74,23 @@ def energy(
     UnanswerableError where the motor's constants are missing or the motion does not determine the inertia.
     """
     how = _How(variant, nodes, work, Chain.of(velocities, filter_time))
-    log, rig, equation = prepared.log, prepared.rig, of_energy(prepared.rig, prepared.equation)
+    prepared, rig = check.prepared, check.prepared.rig
+    log, equation = prepared.log, of_energy(rig, prepared.equation)
     require_motor(log, rig, equation, "energy")
     jitter = find_jitter(log, prepared.noise)
     part = prepared.part(whole=nodes is not None, few=nodes is not None, at_stamps=True, noise=jitter.noise)
-    as_read = log.segment(part.start, part.stop)
-    consistency = consistency_check(as_read, rig, part.motion, prepared.equation, part.noise, prepared.encoders)
+    require_signs(check)
     plain = estimate = _estimate(part, equation, how, jittery=jitter.spread > 0)
     more: list[Message] = []
     if how.chain.observers:  # whose noise is like asymmetry
         plain = _estimate(part, equation, replace(how, chain=Chain()), jittery=jitter.spread > 0)
         estimate, more = with_chain(estimate, plain, how.chain)
-    rig_file, symmetry = RigFileCheck.of(prepared), _symmetry(plain, part, equation)
-    common = _disagreement(estimate.fit, consistency)
-    common |= {} if rig_file is None else {("inertia", CONFLICT): rig_file.conflict}
-    common |= {} if symmetry is None else symmetry.entry()
-    answer = energy_answer(estimate.beside(common), rig)
+    symmetry = _symmetry(plain, part, equation)
+    common = {("inertia", CONFLICT): check.conflict} | ({} if symmetry is None else symmetry.entry())
+    answer, differs = check.compared(energy_answer(estimate.beside(common), rig), cause_of(equation))
     inertia = answer.parameters["inertia"]
-    # without a motor the difference to the momentum balance is in the budget
     unknown = inertia.standard_uncertainty is None
-    compared = None if unknown else without_momentum(answer.budget)
-    warnings, notes = check_energy(answer, consistency, rig, equation, part.motion, compared, rig_file)
+    warnings, notes = check_energy(answer, check, equation, part.motion, differs)
     if jitter.spread > 0 and not how.chain.observers:
         other = _estimate(part, equation, how, jittery=False)
         jittery, jitter_notes = jitter.words(inertia, other.fit.inertia)
@@ -110,9 +100,8 @@ def energy(
         saturated, saturated_notes = check_saturation(part.log, rig, inertia)
         more += saturated
         notes += saturated_notes
-    if rig_file is not None:
-        notes += rig_file.notes(inertia)
-        answer = rig_file.widened(answer)
+    notes += check.notes(check.alone(answer))
+    answer = check.widened(answer)
     warnings, notes = [*more, *warnings], [part.note, *estimate.notes, *notes]
     if unknown:
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; leave nodes out."
@@ -121,8 +110,8 @@ def energy(
     if symmetry is not None:
         extra["symmetry_bound"] = symmetry.bound
         notes.append(symmetry.note(inertia.value))
-    if consistency.balance is not None:
-        extra["motor_balance_residual"] = consistency.balance.as_stated
+    if check.motor_balance is not None:
+        extra["motor_balance_residual"] = check.motor_balance.as_stated
     details = replace(energy_details(estimate, part), extra=extra)
     return prepared.result("energy", answer, part, warnings, notes, details, how.options())
 
@@ -207,16 +196,6 @@ def _symmetry(estimate: EnergyEstimate, part: Part, equation: Equation) -> Symme
             return None
         rows = PassRows.of(rows.course, mirrored.instants, equation)
     return asymmetry_bound(fit, friction_profile(rows, equation))
-
-
-def _disagreement(fit: PassFit, consistency: Consistency) -> dict[tuple[str, str], float]:
-    """Without a motor energy and momentum depend on the same constants, so their difference is an uncertainty."""
-    windows = consistency.windows
-    if fit.equation.drive == "reaction-wheel" or windows is None or not fit.has_scatter:
-        return {}
-    # relative standard uncertainty of the balance of a few swings
-    variance = fit.u**2 + windows.u**2 + (CLOSE / INDICATED * fit.inertia) ** 2
-    return {("inertia", DISAGREES): dark_uncertainty(fit.a11 - windows.a11, variance, fit.u)}
 
 
 def _printed(

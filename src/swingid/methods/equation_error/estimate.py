@@ -19,7 +19,6 @@ from swingid.balance.fits import columns_of
 from swingid.balance.friction_laws import EXACT, KNOTS, Law, speed_knots
 from swingid.balance.law_choice import LawChoice, slowest_peak
 from swingid.balance.reversals import impulse_found, impulses_expected
-from swingid.checks.consistency import DISAGREES
 from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import AT_LEAST, Cutoff
@@ -53,8 +52,7 @@ class Selection:
     likely: the possible laws, most probable first; laws: fits with those that were not chosen, and their probabilities.
     cutoff: the chosen one; cutoffs: fits with others, by name. impulse: standard uncertainty (N m s or N s) of the
     impulse at each reversal that the correction of the turning points leaves. memory: column of such an impulse in the
-    rows. from_momentum: dark uncertainty of the inertia by the difference to modulating functions. conflict: that of
-    the stated gravity torque with the log.
+    rows. conflict: standard uncertainty of the inertia by that of the stated gravity torque with the log.
     """
 
     chosen: RowFit
@@ -65,7 +63,6 @@ class Selection:
     cutoffs: dict[str, RowFit]
     impulse: float
     memory: Array
-    from_momentum: float = 0.0
     conflict: float = 0.0
 
     @property
@@ -89,8 +86,7 @@ class Selection:
             found["timing of the turning points"] = abs(effect) * self.impulse
         # the cut-offs have the same noise and lack of fit, so their differences are one error
         apart = [self.chosen.contradicted(other) for other in self.cutoffs.values()]
-        found |= {"drift with the cut-off": max(apart, default=0.0), DISAGREES: self.from_momentum}
-        found[CONFLICT] = self.conflict
+        found |= {"drift with the cut-off": max(apart, default=0.0), CONFLICT: self.conflict}
         each = {"inertia": found}
         each |= {own.name: self.chosen.common(own.name) for own in self.chosen.equation.further if own.value is None}
         return [(systematic(source), name, u) for name, errors in each.items() for source, u in errors.items()]

@@ -13,31 +13,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from swingid.balance.fits import BASIS, WindowFit, fit_rows
 from swingid.balance.friction_laws import law_terms
-from swingid.balance.motor import motor_balance
-from swingid.balance.reversals import IMPULSES
-from swingid.balance.rows import Signals, rows_of
-from swingid.balance.windows import law_windows
-from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign, free_reading
-from swingid.checks.consistency import CLOSE, against_momentum, best_windows, without_momentum
-from swingid.checks.rig_file import RigFileCheck
+from swingid.balance.rows import Signals
+from swingid.checks.answer import check_answer
+from swingid.checks.momentum import MomentumCheck
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.answer import answer, details
 from swingid.methods.equation_error.cutoff import choose_cutoff
 from swingid.methods.equation_error.estimate import Selection, estimate
 from swingid.methods.equation_error.filtered import OnGrid
-from swingid.methods.equation_error.fit import RowFit
-from swingid.preparation.prepared import Part, Prepared
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Message, Result
-from swingid.uncertainty.budget import Parameter
-from swingid.uncertainty.dark import dark_uncertainty
-from swingid.uncertainty.significance import INDICATED
 
 
 def equation_error(
-    prepared: Prepared,
+    check: MomentumCheck,
     *,
     cutoff: float | None = None,
     friction: str = "auto",
@@ -56,6 +46,7 @@ def equation_error(
     """
     if friction != "auto":
         law_terms(friction, code="unknown-friction")
+    prepared = check.prepared
     part = prepared.part(reread=True)
     rig, equation = prepared.rig, prepared.equation
     signals = Signals.of(part.log, rig, part.motion, part.encoders)
@@ -63,65 +54,24 @@ def equation_error(
     if len(part.motion.turning_times) < 2:
         message = "the used part of the log contains no whole swing; record a longer motion to and fro."
         raise UnanswerableError(message, code="no-turning-points")
-    motor = _consistency(part, signals)
     span = float(part.log.time[0]), float(part.log.time[-1])
     cut = choose_cutoff(part.motion.speed, *span, part.noise, cutoff)
     selected = estimate(on_grid, cut, None if friction == "auto" else friction, instruments=instruments)
     chosen = selected.chosen
-    windows, apart = _from_momentum(chosen, signals)
-    rig_file = RigFileCheck.of(prepared, part, signals)
-    selected = replace(selected, from_momentum=apart, conflict=rig_file.conflict if rig_file else 0.0)
-    found = answer(selected, rig)
+    cause = "noise in the acceleration or friction that does not depend on the speed alone"
+    found, differs = check.compared(answer(replace(selected, conflict=check.conflict), rig), cause)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
-    inertia = found.parameters["inertia"]
-    alone = rig_file.alone(inertia) if rig_file else inertia
+    alone, motor = check.alone(found), check.motor(found.parameters["inertia"], method="this method")
     checked = check_answer(found.parameters | {"inertia": alone}, found.budget, chosen.of_used, amplitude, rig)
     how = _how(selected, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *motor.all_notes()]
-    warnings = [*checked.warnings, *_unlikely(selected), *motor.warnings]
-    if windows is not None:
-        cause = "noise in the acceleration or friction that does not depend on the speed alone"
-        warnings += against_momentum(inertia, without_momentum(found.budget), windows, cause)
+    notes += check.notes(alone)
+    warnings = [*checked.warnings, *_unlikely(selected), *motor.warnings, *differs, *check.warnings(alone)]
     options = {"friction": selected.law.name, "instruments": instruments, "cutoff": selected.cutoff.frequency}
-    if rig_file is not None:
-        warnings += rig_file.warnings(inertia)
-        notes += rig_file.notes(inertia)
-        found = rig_file.widened(found)
+    found = check.widened(found)
     covariance = chosen.covariances("inertia", "gravity_torque") if equation.seeks("gravity_torque") else {}
     drawn = details(selected, span)
     return prepared.result("equation-error", found, part, warnings, notes, drawn, options, covariance=covariance)
-
-
-def _consistency(part: Part, signals: Signals) -> MotorCheck:
-    """Check signs by equation (I) on modulating functions, and the wheel angle by (II).
-
-    Raises InputError for a wrong sign. Windows over half a swing have little noise where filtered rows may have much.
-    """
-    rig, equation, noise = part.rig, part.equation, part.noise
-    windows = law_windows(signals, part.motion.half_period / 4)
-    fit = fit_rows(rows_of(signals, windows), equation, noise, BASIS)
-    if fit is not None:
-        check_sign(fit, part.log.source.path or "the log", live=part.log.is_live)
-    balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
-    without = None
-    if balance is None and fit is not None:
-        without = free_reading(rig, signals, noise, Parameter.of(fit.inertia, fit.u, equation.unit))
-    return check_motor(balance, signals, method="this method", without=without)
-
-
-def _from_momentum(chosen: RowFit, signals: Signals) -> tuple[WindowFit | None, float]:
-    """The fit on modulating functions with the least relative uncertainty, and the dark uncertainty by the difference.
-
-    They differentiate no angle, and long ones have less noise and attenuation than filtered rows.
-    """
-    impulses = (name for name in IMPULSES if name in chosen.unknowns)
-    other = best_windows(signals, chosen.equation, chosen.noise, (*BASIS, *impulses))
-    if other is None:
-        return None, 0.0
-    own = chosen.variance(chosen.of("inertia"))
-    # a difference of `CLOSE` is not worth a warning
-    variance = own + other.u**2 + (CLOSE / INDICATED * other.a11) ** 2
-    return other, dark_uncertainty(other.a11 - chosen.a11, variance, float(np.sqrt(own)))
 
 
 def _how(selected: Selection, *, given: bool) -> list[Message]:

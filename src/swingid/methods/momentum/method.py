@@ -17,7 +17,6 @@ from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, wi
 from swingid.balance.friction import FrictionLaw
 from swingid.balance.friction_laws import parameter_weights
 from swingid.balance.level import wandering, with_bias
-from swingid.balance.motor import motor_balance
 from swingid.balance.reversals import IMPULSES
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.systematics import (
@@ -30,10 +29,10 @@ from swingid.balance.systematics import (
     timing_spread,
 )
 from swingid.balance.windows import even_windows, swing_windows
-from swingid.checks.answer import check_answer, check_motor, check_sign, free_reading
+from swingid.checks.answer import check_answer, check_sign
 from swingid.checks.free_decay import loss_unexplained
 from swingid.checks.hypothesis import Evidence, Judged
-from swingid.checks.level import chosen_at_level
+from swingid.checks.momentum import MomentumCheck
 from swingid.checks.stability import agreement
 from swingid.checks.table import NAMED, entries, messages_of
 from swingid.errors import NotIdentifiableError, UnanswerableError, UsageError
@@ -42,7 +41,6 @@ from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import CURVATURE_POWER
-from swingid.preparation.prepared import Prepared
 from swingid.recording.findings import Kind
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Details, Message, Result, SwingSeries
@@ -66,7 +64,7 @@ class _Estimate:
     turning_rows: Rows
 
 
-def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
+def momentum(check: MomentumCheck, *, memory: str = "auto") -> Result:
     """Identify inertia, friction and, where it is "unknown", the gravity torque from the angles of a log.
 
     The estimate is that of the "law" windows (see `windows`); "swing" and "even" windows check it. Type A: scatter of
@@ -81,8 +79,9 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     if memory not in MEMORY:
         raise UsageError(f"memory must be one of {', '.join(MEMORY)}, and is {memory!r}.", code="bad-option")
     try:
-        prepared, part, choice, moved = chosen_at_level(prepared, memory)
+        prepared, part, choice, moved = check.balanced
     except UnanswerableError as error:
+        prepared = check.read
         # spin-up and torque steps: windows that need none; a pendulum that its wheel cannot have turned over was pushed
         turns = prepared.equation.drive == "direct" or (
             prepared.equation.drive == "reaction-wheel" and prepared.equation.stated.get("gravity_torque") == 0
@@ -91,7 +90,8 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
             raise
         return momentum_together([prepared])
     rig, equation = prepared.rig, prepared.equation
-    estimate = _estimate(Evidence(choice, part, memory))
+    assert check.evidence is not None
+    estimate = _estimate(check.evidence)
     law, signals = choice.law, choice.signals
     check_sign(law, prepared.log.source.path or "the log", live=prepared.log.is_live)
     found = with_bias(_answer(estimate, rig, signals), law, part)
@@ -106,9 +106,7 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
         if not prepared.one_of_several or not equation.seeks("gravity_torque"):
             raise
         warnings, notes = [Message(error.code, error.message, Kind.NOT_IDENTIFIABLE)], []
-    balance = motor_balance(part.log, rig, signals, law.rows.windows, part.noise)
-    without = None if balance else free_reading(rig, signals, part.noise, parameters["inertia"])
-    motor = check_motor(balance, signals, without=without)
+    balance, motor = check.motor_balance, check.motor(parameters["inertia"])
     limits = {"alone": alone, "angle": alone, "timing": u} | dict.fromkeys(("gravity", "balance", "place"), law.total)
     judged = Judged(parameters["inertia"].value, law.a11, limits, own=True)
     off, assumed = messages_of(estimate.evidence, judged, [one.code for one in warnings])

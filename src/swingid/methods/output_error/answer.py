@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.friction_laws import Law, curve_speeds
-from swingid.checks.consistency import DISAGREES
 from swingid.checks.stated import CONFLICT
 from swingid.methods.output_error.constants import SCALE
-from swingid.methods.output_error.declared import declared_effects, shift_of_momentum
+from swingid.methods.output_error.declared import declared_effects
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns
@@ -187,10 +186,7 @@ def prior_conflict(estimate: Estimate) -> float:
 
 
 def answer_of(estimate: Estimate) -> Evaluated:
-    """Parameters with their budget, and the sensitivity of the inertia to each constant.
-
-    Residuals do not show the error of the inertia by a wrong model; the difference to the momentum balance does.
-    """
+    """Parameters with their budget, and the sensitivity of the inertia to each constant."""
     setup = estimate.setup
     weights = _sought(estimate.unknowns)
     units = units_on(linear=setup.equation.linear) | {item.name: item.unit for item in estimate.unknowns.items}
@@ -200,15 +196,7 @@ def answer_of(estimate: Estimate) -> Evaluated:
     found = {f"disagreement of readings, {name}": gap for name, (_, _, gap) in estimate.kinds.items()}
     found |= {"choice of the friction law": searched.spread, "drift with the length of the segments": searched.drift}
     common += [(systematic(source), "inertia", u) for source, u in found.items()]
-    windows = setup.consistency.windows
-    if windows is not None and not estimate.robust:
-        balance = windows.inertia + shift_of_momentum(setup, searched)
-        type_a = math.sqrt(estimate.covariance[0, 0] + sum(u**2 for _, name, u in common if name == "inertia"))
-        dark = dark_uncertainty(float(estimate.values[0]) - balance, type_a**2 + windows.u**2, type_a)
-        common.append((systematic(DISAGREES), "inertia", dark))
-    conflict = prior_conflict(estimate)
-    if setup.rig_file is not None:
-        conflict = max(conflict, setup.rig_file.conflict_with(math.sqrt(estimate.covariance[0, 0])))
+    conflict = max(prior_conflict(estimate), setup.check.conflict_with(math.sqrt(estimate.covariance[0, 0])))
     common.append((systematic(CONFLICT), "inertia", conflict))
     declared = [replace(one, slopes=own @ one.slopes) for one in estimate.declared]
     matrix = own @ estimate.covariance @ own.T
@@ -241,7 +229,7 @@ def details_of(estimate: Estimate, extra: dict[str, float]) -> Details:
     """What the report draws; the residuals are those of the axis' angle, in rad (m). extra: more shares."""
     fit, problem, setup = estimate.searched.fit, estimate.searched.problem, estimate.setup
     kinds = {name: (value, u) for name, (value, u, _) in estimate.kinds.items()}
-    own, balance = float(np.sqrt(estimate.covariance[0, 0])), setup.consistency.balance
+    own, balance = float(np.sqrt(estimate.covariance[0, 0])), setup.check.motor_balance
     return Details(
         start=setup.part.start,
         stop=setup.part.stop,

@@ -7,13 +7,12 @@ import math
 import numpy as np
 
 from swingid.balance.identifiability import BLIND, HOPELESS, Identifiability, advice, examine_information, require_seen
-from swingid.checks.answer import Fault, MotorCheck, check_answer, check_motor, free_reading
-from swingid.checks.consistency import against_momentum, motor_sensitivities, without_momentum
+from swingid.checks.answer import Fault, MotorCheck, check_answer
+from swingid.checks.consistency import motor_sensitivities
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
 from swingid.methods.output_error.answer import Estimate
 from swingid.methods.output_error.constants import SCALE, constant_value
-from swingid.methods.output_error.declared import shift_of_momentum
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.unknowns import FRICTION, ZERO, Unknowns
@@ -47,9 +46,14 @@ UNSEEN = 1e-11
 """Share of the information matrix' largest power below which a direction is rounding."""
 
 
-def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], list[Message]]:
-    """Warnings and notes; raises UnanswerableError where the data do not determine an unknown."""
-    setup, unknowns, consistency = estimate.setup, estimate.unknowns, estimate.setup.consistency
+def check_fit(
+    answer: Evaluated, estimate: Estimate, differs: list[Message] | None
+) -> tuple[list[Message], list[Message]]:
+    """Warnings and notes; raises UnanswerableError where the data do not determine an unknown.
+
+    differs: warnings of the difference to momentum's inertia, None where it is not compared.
+    """
+    setup, unknowns, check = estimate.setup, estimate.unknowns, estimate.setup.check
     parameters, sensitivities = answer.parameters, answer.sensitivities
     inertia, fit, under_voltage = parameters["inertia"], estimate.searched.fit, setup.source == "voltage"
     seen = examine_information(unknowns.names, [item.unit for item in unknowns.items], fit.reduced.matrix)
@@ -57,9 +61,7 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
     _require_identifiable(estimate)
     spread = math.sqrt(estimate.covariance[0, 0])
     excess = _excess(estimate)
-    signals, noise = consistency.signals, setup.part.noise
-    without = None if consistency.balance else free_reading(setup.rig, signals, noise, inertia)
-    motor = check_motor(consistency.balance, signals, method="this fit", uses_motor=under_voltage, without=without)
+    motor, alone = check.motor(inertia, method="this fit", uses_motor=under_voltage), check.alone(answer)
     low, high = inertia.interval95 or (0.0, 0.0)
     if excess and (spread > HOPELESS * inertia.value or low <= 0.0):
         raise _too_poor(inertia.standard_uncertainty or spread, inertia.value, excess, motor, setup)
@@ -72,18 +74,12 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
         )
     warnings = [*_inconsistent_constants(estimate), *_not_converged(estimate)]
     notes = exact_constants([key for key in setup.rig.constants_without_uncertainty() if key in sensitivities])
-    differs: list[Message] | None = None
-    if consistency.windows is not None:
+    if check.evidence is not None:
         amplitude = float(np.max(np.abs(setup.part.motion.turning_angles), initial=0.0))
         scattered = parameters | {"inertia": Parameter.of(inertia.value, spread, inertia.unit)}
-        checked = check_answer(scattered, answer.budget, consistency.windows, amplitude, setup.rig)
+        checked = check_answer(scattered, answer.budget, check.evidence.law, amplitude, setup.rig)
         warnings += checked.warnings
         notes += checked.notes
-        if not estimate.robust:
-            shift = shift_of_momentum(setup, estimate.searched)
-            cause = "wrong motor constants" if under_voltage else "friction that is not of this law"
-            compared = without_momentum(answer.budget)
-            differs = against_momentum(inertia, compared, consistency.windows, cause, shift)
     # the covariance contains the lack of fit, and the momentum balance shows what that does to the inertia; it does
     # not test the motor's equation (II)
     poor = _poor_fit(setup, excess)
@@ -93,7 +89,7 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
         poor = []
     warnings += differs or []
     notes += [*poor, _conditioning(seen, unknowns), _search_note(estimate), *_zero_note(estimate)]
-    warnings += setup.rig_file.warnings(inertia) if setup.rig_file else []
+    warnings += check.warnings(alone)
     notes += motor.notes
     warnings, notes = (motor.held + warnings, notes) if under_voltage else (warnings, notes + motor.held)
     # constants that do not fit show in the residuals, or the motor is not used; another reading of the wheel too

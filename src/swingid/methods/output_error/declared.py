@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from swingid.balance.errors import errors_of
 from swingid.balance.perturbations import (
     SHAPES,
     Perturbation,
@@ -57,19 +56,6 @@ def constants_found(searched: Searched, rig: Rig) -> dict[str, float]:
         stated |= {"drive.motor.dead_zone.negative": low, "drive.motor.dead_zone.positive": high}
         found |= {key: found.get(key, value) + scale * value for key, value in stated.items()}
     return found
-
-
-def shift_of_momentum(setup: Setup, searched: Searched) -> float:
-    """Change of the momentum balance's inertia where constants and sensors are as estimated, not as stated."""
-    windows, found = setup.windows, dict(zip(searched.unknowns.names, searched.fit.values, strict=True))
-    shift = 0.0
-    signals, values = setup.consistency.signals, windows.coefficients
-    for item in errors_of(windows.rows, signals, setup.rig, windows.equation, values):
-        # a constant is added to what is stated of it, an error of a sensor is subtracted from its angles
-        sign = 1.0 if item.of.constant else -1.0
-        effect = float(windows.fit.influence[0] @ item.rows) + item.direct
-        shift += sign * effect * float(found.get(item.of.shared_id or "", 0.0))
-    return shift
 
 
 def _constants(setup: Setup, searched: Searched, influence: Array) -> Iterator[Declared]:

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from swingid.checks.momentum import MomentumCheck
 from swingid.errors import UnanswerableError
 from swingid.methods.output_error.answer import answer_of, details_of, estimate_of, type_a
 from swingid.methods.output_error.checks import check_fit, is_poor, left_of_channels
@@ -22,7 +23,6 @@ from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.unknowns import Unknowns
 from swingid.numerics.arrays import Array
 from swingid.numerics.gauss_newton import CLOSE, solve, solve_from
-from swingid.preparation.prepared import Prepared
 from swingid.result.result import Result
 from swingid.uncertainty.dark import dark_uncertainty
 
@@ -37,7 +37,7 @@ SWINGS = 4
 
 
 def output_error(
-    prepared: Prepared,
+    check: MomentumCheck,
     *,
     input: str | None = None,
     law: str = "auto",
@@ -59,19 +59,21 @@ def output_error(
     Raises UsageError for unknown options, InputError where a channel is missing or has the wrong sign,
     UnanswerableError where the motor's constants are missing or the motion does not determine the inertia.
     """
-    setup = Setup.of(prepared, input, law, free, loss, starts, segment)
+    setup = Setup.of(check, input, law, free, loss, starts, segment)
     estimate = estimate_of(*_best_fit(setup, law))
     searched = estimate.searched
-    answer = answer_of(estimate)
-    warnings, notes = check_fit(answer, estimate)
-    if setup.rig_file is not None:
-        notes += setup.rig_file.notes(answer.parameters["inertia"])
-        answer = setup.rig_file.widened(answer)
+    answer, differs = answer_of(estimate), None
+    if check.evidence is not None and not estimate.robust:  # outliers have their whole weight in momentum
+        cause = "wrong motor constants" if setup.source == "voltage" else "friction that is not of this law"
+        answer, differs = check.compared(answer, cause)
+    warnings, notes = check_fit(answer, estimate, differs)
+    notes += check.notes(check.alone(answer))
+    answer = check.widened(answer)
     options: dict[str, object] = {"input": setup.source, "law": searched.law, "loss": loss, "starts": starts}
     if setup.free:
         options["free"] = setup.free
     found = constants_found(searched, setup.rig)
-    return prepared.result(
+    return check.prepared.result(
         "output-error",
         answer,
         setup.part,

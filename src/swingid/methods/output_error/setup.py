@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from swingid.balance.fits import WindowFit
-from swingid.checks.consistency import Consistency, consistency_check
-from swingid.checks.rig_file import RigFileCheck
+from swingid.checks.consistency import require_signs
+from swingid.checks.momentum import MomentumCheck
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.methods.output_error.constants import uncertain_constants
 from swingid.methods.output_error.problem import Input, Problem
@@ -20,7 +20,7 @@ from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.shooting import LOSSES
 from swingid.preparation.encoders import Encoders
-from swingid.preparation.prepared import Part, Prepared
+from swingid.preparation.prepared import Part
 from swingid.recording.recording import Recording
 
 MOST_LOST = 1e-3
@@ -39,15 +39,13 @@ Readings do not even resolve half a period, which is no reason to refuse what th
 class Setup:
     """What every fit of one log shares.
 
-    consistency: the momentum balance of the first swings; rig_file: of all. moves: whether constants and sensors with
-    a stated uncertainty are estimated, with the stated value as prior.
+    check: momentum's answer. moves: whether constants and sensors with a stated uncertainty are estimated, with the
+    stated value as prior.
     """
 
-    prepared: Prepared
+    check: MomentumCheck
     part: Part
     source: Input
-    consistency: Consistency
-    rig_file: RigFileCheck | None
     free: tuple[str, ...]
     loss: str
     starts: int
@@ -57,7 +55,7 @@ class Setup:
     @classmethod
     def of(
         cls,
-        prepared: Prepared,
+        check: MomentumCheck,
         wanted: str | None,
         law: str,
         free: str | Sequence[str],
@@ -69,23 +67,23 @@ class Setup:
         names = names_of(free)
         if law != "auto":
             friction_unknowns(law)
+        prepared = check.prepared
         _check_options(loss, starts, segment, prepared.log)
-        rig, equation = prepared.rig, prepared.equation
-        source = input_of(wanted, prepared.log, rig)
+        source = input_of(wanted, prepared.log, prepared.rig)
         part = prepared.part()
-        _require_resolved(part, equation)
-        found = consistency_check(part.log, rig, part.motion, equation, part.noise, part.encoders)
-        return cls(prepared, part, source, found, RigFileCheck.of(prepared), names, loss, starts, segment)
+        _require_resolved(part, prepared.equation)
+        require_signs(check)
+        return cls(check, part, source, names, loss, starts, segment)
 
     @property
     def rig(self) -> Rig:
         """The rig."""
-        return self.prepared.rig
+        return self.part.rig
 
     @property
     def equation(self) -> Equation:
         """The scale reference."""
-        return self.prepared.equation
+        return self.part.equation
 
     @property
     def alternative(self) -> str:
@@ -96,13 +94,13 @@ class Setup:
     @property
     def windows(self) -> WindowFit:
         """The linear fit of equation (I). Raises UnanswerableError without one."""
-        if self.consistency.windows is None:
+        if self.check.evidence is None:
             raise UnanswerableError(
                 "the used part of the log has too few rows or swings for initial estimates; record a longer motion, or "
                 "take the momentum method.",
                 code="too-short",
             )
-        return self.consistency.windows
+        return self.check.evidence.law
 
     @cached_property
     def fastest(self) -> float:

@@ -22,6 +22,7 @@ from swingid.batch import energy_batch, momentum_batch, plan_batch
 from swingid.errors import SwingidError
 from swingid.identification import identify
 from swingid.methods.output_error.bound import cramer_rao
+from swingid.methods.table import one_momentum
 from swingid.recording.recording import Recording
 from swingid.result.result import Parameter
 from swingid.simulation.draws import draw_constants
@@ -155,12 +156,13 @@ def run_trial(plan: Plan, trial: int) -> list[Row]:
     assert isinstance(truth, dict)
     head = replace(head, truth=truth, loop=loop, bounds=bounds_of(plan, experiment, log))
     rows = [] if experiment.methods else [head.row("", q, None) for q in quantities]
-    for name, method, options in experiment.methods:
-        try:
-            result: Result | Exception = identify(known, experiment.stated, method, **options)
-        except Exception as error:  # as above
-            result = error
-        rows += [_answer(head, name, q, result) for q in quantities]
+    with one_momentum():
+        for name, method, options in experiment.methods:
+            try:
+                result: Result | Exception = identify(known, experiment.stated, method, **options)
+            except Exception as error:  # as above
+                result = error
+            rows += [_answer(head, name, q, result) for q in quantities]
     return rows
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import textwrap
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from swingid.checks.momentum import overlapping
 from swingid.errors import SwingidError, UnanswerableError, UsageError
 from swingid.format import number, percent, plus_minus
 from swingid.identification import identify
-from swingid.methods.table import METHODS
+from swingid.methods.table import DEFAULT, METHODS, forget_momentum, one_momentum
 from swingid.model.rig import Rig
 from swingid.numerics.cache import kept_kernels
 from swingid.progress import tracked
@@ -156,10 +157,12 @@ def compare(logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[s
     several = [logs] if isinstance(logs, Recording) else list(logs)
     trials: list[Trial] = []
     chosen = dict.fromkeys(methods or METHODS)
-    for k, log, method in tracked([(k, log, method) for k, log in enumerate(several) for method in chosen]):
-        result, seconds = _timed(log, rig, method)
-        depends = assumptions(method, rig, result)
-        trials.append(Trial(log.source.path or f"log {k + 1}", method, result, seconds, depends, _truth(log)))
+    with one_momentum():
+        for k, log, method in tracked([(k, log, method) for k, log in enumerate(several) for method in chosen]):
+            result, seconds = _timed(log, rig, method)
+            depends = assumptions(method, rig, result)
+            trials.append(Trial(log.source.path or f"log {k + 1}", method, result, seconds, depends, _truth(log)))
+    trials = [replace(trial, result=_warned(trial, trials[:k])) for k, trial in enumerate(trials)]
     if all(trial.result.status == "refused" for trial in trials):
         reason = trials[0].result.error
         raise UnanswerableError(
@@ -170,12 +173,36 @@ def compare(logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[s
     return Comparison(tuple(trials), tuple(verdicts))
 
 
+def _warned(trial: Trial, before: Sequence[Trial]) -> Result:
+    """The result, with a warning where its interval excludes that of a trial before on the same log, both green.
+
+    Each method is compared with momentum by itself; two others may still exclude each other, or momentum refuses.
+    """
+    for other in before:
+        pair = (trial.result, other.result)
+        if other.log != trial.log or any(one.status != "ok" for one in pair):
+            continue
+        if overlapping(trial.result.main, other.result.main) > 0:
+            text = (
+                f"the 95 % interval excludes that of {other.method}: both stand beside each other only with a source "
+                "of error that neither budget has."
+            )
+            warnings = (*trial.result.warnings, Message("excludes-another-method", text))
+            return replace(trial.result, status="warning", warnings=warnings)
+    return trial.result
+
+
 def _timed(log: Recording, rig: Rig, method: str) -> tuple[Result, float]:
-    """The result and the time it takes, timed again where a first run is short or has compiled kernels."""
+    """The result and the time it takes, timed again where a first run is short or has compiled kernels.
+
+    That of another method is its own, without momentum's answer, which is made once for all of them.
+    """
     seconds = float("inf")
     result: Result | None = None
     for _ in range(2):
         compiled = kept_kernels()
+        if method == DEFAULT:
+            forget_momentum()
         begin = time.perf_counter()
         try:
             result = identify(log, rig, method)

@@ -74,13 +74,16 @@ def _identify(log: Logs, rig: Rig, chosen: Method, options: Mapping[str, object]
     options = dict(options)
     added = options.pop("added", None)
     if rig.drive.kind == "motor" or added is not None or (turns_freely(rig) and chosen.name == "momentum"):
-        return _together(log, rig, chosen, options, added)
-    reference = reference_of(rig)
+        run = partial(_together, method=chosen, options=options, added=added)
+    else:
+        _refuse_coast_down(rig, chosen)
+        run = partial(_identified, chosen=chosen, options=options)
+    reference = None if added is not None or turns_freely(rig) else reference_of(rig)
     if reference is None:
-        return _identified(log, rig, chosen, options)
+        return run(log, rig)
     _require_method(reference, chosen)
     with in_units_of(reference):
-        found = _identified(log, reference.rig, chosen, options)
+        found = run(log, reference.rig)
     return unscaled(found, reference, rig)
 
 
@@ -177,6 +180,17 @@ def _together(
     elsewhere = free or bodies is not None
     prepared = [prepare(one, rig, together=True, scaled_elsewhere=elsewhere) for one in logs.values()]
     return momentum_together(prepared, list(logs), bodies)
+
+
+def _refuse_coast_down(rig: Rig, method: Method) -> None:
+    """Raise UnanswerableError for a body that turns freely, which only momentum identifies; it was asked first."""
+    if turns_freely(rig):
+        raise UnanswerableError(
+            f"rig {rig.name}: nothing but friction acts on the axis, as in a coast-down, which {method.name} does not "
+            "identify; use the method momentum, or give what draws a swinging body back (axis.gravity_torque, "
+            "axis.stiffness).",
+            code="no-scale",
+        )
 
 
 def _require_method(reference: Reference, method: Method) -> None:

@@ -28,7 +28,7 @@ def usable_part(
     left_out: excluded parts (s), of a push; the transient after them is not that at the beginning.
     Raises UnanswerableError where fewer than four turning points are found.
     """
-    _require_turns(motion, start, stop)
+    _require_turns(motion, drive, start, stop)
     if drive == "motor":  # equation (I) with the motor's constants holds from the first row on
         return start, stop, Message("segment", f"used the whole log from {start:.4g} to {stop:.4g} s.")
     used = _decay(motion, start, stop) if drive == "none" else _steady(motion, start, stop, left_out)
@@ -38,13 +38,15 @@ def usable_part(
     return *used, Message("segment", f"{text}." if whole else f"{text}: {reason}.")
 
 
-def _require_turns(motion: Motion, start: float, stop: float) -> None:
+def _require_turns(motion: Motion, drive: str, start: float, stop: float) -> None:
     """Raise UnanswerableError where fewer than four turning points are found."""
     if len(motion.turning_times) < FEWEST_TURNS:
         found = len(motion.turning_times)
+        # momentum needs none with a direct drive, as in a spin-up
+        other = ", or identify one in one direction with the method momentum" if drive == "direct" else ""
         raise UnanswerableError(
             f"the angle shows {found} turning point{'' if found == 1 else 's'} from {start:.6g} to {stop:.6g} s, "
-            f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro.",
+            f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro{other}.",
             code="no-turning-points",
         )
 
@@ -53,7 +55,7 @@ def part_of(log: Recording, motion: Motion, drive: str) -> tuple[float, float, M
     """`usable_part` of a log and its excluded parts; all of one that a user selected."""
     start, stop = float(log.time[0]), float(log.time[-1])
     if log.selected:
-        _require_turns(motion, start, stop)
+        _require_turns(motion, drive, start, stop)
         return start, stop, Message("segment", f"used all of the selected part from {start:.4g} to {stop:.4g} s.")
     return usable_part(motion, drive, start, stop, log.left_out)
 

@@ -157,7 +157,7 @@ def test_every_release_is_a_part_of_one_result(thrice):
 
 
 def test_many_releases_are_found():
-    starts = [0.5 + 0.4 * ((7 * k) % 22) / 22 for k in range(22)]
+    starts = [0.75 + 0.15 * ((7 * k) % 22) / 22 for k in range(22)]
     result = sw.identify(released(starts), RIG)
     assert len(result.per_part) == 22
     low, high = result.inertia.interval95

@@ -11,7 +11,7 @@ from swingid.errors import InputError, SwingidError, UnanswerableError, UsageErr
 from swingid.methods.table import DEFAULT, Method, method_of
 from swingid.methods.unscaled import in_units_of, unscaled
 from swingid.model.rig import Rig
-from swingid.pooling.selected import Log, Logs, Span, in_parts, of_releases, parts_of, releases, with_parts
+from swingid.pooling.selected import Log, Logs, Span, decays_of, in_parts, of_releases, parts_of, releases, with_parts
 from swingid.preparation.reference import GAIN, WHEEL, Reference, reference_of, turns_freely
 from swingid.preparation.scale import refuse_motor
 from swingid.recording.large import LargeLog
@@ -65,8 +65,9 @@ def identify(
         raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
     if spans:
         return _of_parts(log, rig, chosen, spans, options)
-    found = [] if "added" in options else releases(log, rig)
-    return (_of_releases(log, rig, chosen, found, options) if found else None) or _identify(log, rig, chosen, options)
+    found = releases(log, rig) if isinstance(log, Recording) and "added" not in options else []
+    pooled = _of_releases(log, rig, chosen, found, options) if found and isinstance(log, Recording) else None
+    return pooled or _identify(log, rig, chosen, options)
 
 
 def _identify(log: Logs, rig: Rig, chosen: Method, options: Mapping[str, object]) -> Result:
@@ -107,19 +108,19 @@ def _alone(log: Log | SwingidError, rig: Rig, chosen: Method) -> Result:
 
 
 def _of_releases(
-    log: Logs, rig: Rig, chosen: Method, spans: Sequence[Span], options: Mapping[str, object]
+    log: Recording, rig: Rig, chosen: Method, spans: Sequence[Span], options: Mapping[str, object]
 ) -> Result | None:
     """The result of all free decays of a log together; None where at most one of them has a number."""
     try:
-        result = _of_parts(log, rig, chosen, spans, options)
+        result = _identify(decays_of(log, spans), rig, chosen, options)
     except UnanswerableError:
         return None
     kept = [span for span, one in zip(spans, result.per_log, strict=True) if one.status != "refused"]
     if len(kept) < 2:
         return None
     if len(kept) < len(spans):
-        result = _of_parts(log, rig, chosen, kept, options)
-    return of_releases(result, kept, len(spans) - len(kept))
+        result = _identify(decays_of(log, kept), rig, chosen, options)
+    return with_parts(of_releases(result, kept, len(spans) - len(kept)), kept, result.per_log)
 
 
 def _identified(

@@ -28,6 +28,11 @@ WORTH = 0.1
 below 1 %."""
 
 
+RELEASED = 1.2
+"""Times the last swing of a decay that the first of the next one has after a release; less is a touch or noise, and the
+one with more motion is used."""
+
+
 def parts_of(part: object) -> list[Span]:
     """The parts to use: none for None, of one as (3, 20) or "3:20", of several as [(3, 20), (40, 61)]; in that order.
 
@@ -88,6 +93,13 @@ def selected(log: Log, span: Span) -> Log:
     return part if small is None else replace(small, selected=True)
 
 
+def decays_of(log: Recording, spans: Sequence[Span]) -> dict[str, Recording]:
+    """The parts of a log that were found, by name; their ends are still to be chosen."""
+    return {
+        _text(*span): replace(one, selected=False) for span, one in zip(spans, each_part([log], spans), strict=True)
+    }
+
+
 def in_parts(log: Logs, spans: Sequence[Span]) -> Log | dict[str, Log | SwingidError]:
     """The parts of a log, or of each of several: one log, or several by name; errors in the place of logs stay.
 
@@ -127,20 +139,26 @@ def each_part(logs: Sequence[Log], spans: Sequence[Span]) -> list[Recording]:
     return found
 
 
-def releases(log: Logs, rig: Rig) -> list[Span]:
+def releases(log: Recording, rig: Rig) -> list[Span]:
     """The free decays of a log in which a body is released several times, with `WORTH` of the motion of the largest.
 
     None where there is one, where a part was selected, where something drives the axis or no swings are expected.
     """
-    if not isinstance(log, Recording) or log.selected or rig.drive.channel is not None or turns_freely(rig):
+    if log.selected or rig.drive.channel is not None or turns_freely(rig):
         return []
     try:
         motion = find_motion(log.time, log.angle, channel_noise(log, rig).angle)
         spans = free_decays(motion, float(log.time[0]), float(log.time[-1]))
     except UnanswerableError:
         return []  # the method says why
-    sizes = [float(motion.within(*span).swing_sizes.sum()) for span in spans]
-    kept = [span for span, size in zip(spans, sizes, strict=True) if size > WORTH * max(sizes)]
+    sizes = {span: motion.within(*span).swing_sizes for span in spans}
+    found: list[Span] = []
+    for span in spans:
+        again = not found or sizes[span][0] > RELEASED * sizes[found[-1]][-1]
+        if again or sizes[span].sum() > sizes[found[-1]].sum():
+            found = [*(found if again else found[:-1]), span]
+    largest = max(sizes[span].sum() for span in found)
+    kept = [span for span in found if sizes[span].sum() > WORTH * largest]
     return kept if len(kept) > 1 else []
 
 

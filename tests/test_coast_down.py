@@ -139,6 +139,8 @@ def test_torque_steps_that_turn_in_one_direction_give_the_inertia(seed: int) -> 
 def test_a_torque_of_the_wrong_sign_is_named() -> None:
     rig = wheel(drive="direct", counts=4096, log="torque_gain = 1")
     log = sw.simulate(rig, drive=np.repeat([0.0, 2e-3, 1e-3, 0.0], 1001)[:4001], duration=20.0, rate=200.0)
+    with pytest.raises(UnanswerableError, match="in one direction with the method momentum"):
+        sw.identify(log, rig, method="equation-error")
     assert log.torque is not None
     turned = sw.Recording.from_columns({"t": log.time, "q1": log.angle, "tau": -log.torque}, rig)
     with pytest.raises(InputError, match="torque_sign = -1") as caught:
@@ -167,6 +169,13 @@ def test_a_log_that_only_speeds_up_is_refused() -> None:
     with pytest.raises(UnanswerableError) as caught:
         sw.identify(back, wheel())
     assert caught.value.code == "no-coast-down"
+
+
+@pytest.mark.parametrize("method", ["energy", "equation-error", "output-error", "backstepping"])
+def test_other_methods_name_momentum_for_a_coast_down(method: str) -> None:
+    with pytest.raises(UnanswerableError, match=f"which {method} does not identify; use the method momentum") as caught:
+        sw.identify(coast(1), wheel(), method=method)
+    assert caught.value.code == "no-scale"
 
 
 def test_other_methods_refuse_known_bodies() -> None:

@@ -153,11 +153,31 @@ def test_logs_with_and_without_a_known_body_set_the_scale_of_a_balanced_servo() 
     assert share == pytest.approx(1e-3 * result.inertia.value, rel=0.05)  # inertia is proportional to the body's
 
 
-def test_a_balanced_servo_without_any_scale_is_refused() -> None:
+@pytest.mark.parametrize("seed", range(3))
+def test_a_balanced_servo_without_any_scale_has_ratios(seed: int) -> None:
+    result = sw.identify(twin_log(seed, servo(f"torque_per_volt = {K}", gravity=0)), servo(gravity=0))
+    assert result.ratios
+    assert result.leading == "torque_per_volt/inertia"
+    for name, true, unit in (
+        ("torque_per_volt/inertia", K / J, "rad/s^2/V"),
+        ("coulomb/inertia", FC / J, "rad/s^2"),
+        ("viscous/inertia", FV / J, "1/s"),
+        ("time_constant", J / FV, "s"),
+    ):
+        assert covers(result.parameters[name], true), name
+        assert result.parameters[name].value == pytest.approx(true, rel=0.02)
+        assert result.parameters[name].unit == unit
+    (note,) = (one.message for one in result.notes if one.code == "no-scale")
+    assert "drive.motor.torque_per_volt is unknown" in note
+    assert "--added" in note
+
+
+def test_parts_of_a_log_of_a_motor_are_one_fit_and_each_has_its_value() -> None:
     rig = servo(gravity=0)
-    with pytest.raises(UnanswerableError, match="known as a ratio only") as caught:
-        sw.identify(twin_log(0, servo(f"torque_per_volt = {K}", gravity=0)), rig)
-    assert caught.value.code == "no-scale"
+    log = twin_log(0, servo(f"torque_per_volt = {K}", gravity=0), seconds=12.0)
+    result = sw.identify(log, rig, part=[(0, 5.5), (6, 12)])
+    assert covers(result.main, K / J)
+    assert [one.value for one in result.per_part] == [pytest.approx(K / J, rel=1e-3)] * 2
 
 
 def test_torque_constant_resistance_and_gear_give_torque_per_volt_and_back_emf() -> None:

@@ -11,20 +11,21 @@ from swingid.errors import InputError, SwingidError, UnanswerableError, UsageErr
 from swingid.methods.table import DEFAULT, Method, method_of
 from swingid.methods.unscaled import in_units_of, unscaled
 from swingid.model.rig import Rig
+from swingid.pooling.selected import Log, Logs, Span, decays_of, in_parts, of_releases, parts_of, releases, with_parts
 from swingid.preparation.reference import GAIN, WHEEL, Reference, reference_of, turns_freely
 from swingid.preparation.scale import refuse_motor
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Finding, Recording
-from swingid.result.result import Result
+from swingid.result.result import Result, refusal
 from swingid.units import Quantity, parse_quantity
-
-Log = Recording | LargeLog
 
 
 def identify(
-    log: Log | Sequence[Log] | Mapping[str, Log | SwingidError],
+    log: Logs,
     rig: Rig,
     method: str = DEFAULT,
+    *,
+    part: object = None,
     **options: object,
 ) -> Result:
     """Moment of inertia and friction of the body from a log, by the named method.
@@ -40,6 +41,9 @@ def identify(
     method : one of `METHODS`
         "momentum": modulating functions on the angles, no motor constant (default). "energy": the paper's (6) and (7).
         "backstepping": the paper's alternative (section 4.2). The others are those of the field.
+    part : (start, stop), "start:stop", or several of them, s
+        Use all rows of these parts only, whatever they look like; several are parts of one result, with `per_part`.
+        By default the part is chosen (docs/methods.md); where a body is released several times, each decay is one.
     options
         Keyword arguments of the method's function, such as ``variant="printed"`` for "energy". Of several logs also
         ``friction``: "per-log" (default) or "shared". ``added``, of momentum: the inertia of a known body on the axis
@@ -54,25 +58,73 @@ def identify(
 
     Where nothing in the rig sets a scale the result has ratios to the inertia (`Result.ratios`) and no inertia.
     """
-    chosen = method_of(method)
+    chosen, spans = method_of(method), parts_of(part)
     if not isinstance(rig, Rig):
         raise UsageError(f"{rig!r} is no Rig; load one with sw.Rig.load(name or path).", code="no-rig")
     if isinstance(log, str | Path):
         raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
+    if spans:
+        return _of_parts(log, rig, chosen, spans, options)
+    found = releases(log, rig) if isinstance(log, Recording) and "added" not in options else []
+    pooled = _of_releases(log, rig, chosen, found, options) if found and isinstance(log, Recording) else None
+    return pooled or _identify(log, rig, chosen, options)
+
+
+def _identify(log: Logs, rig: Rig, chosen: Method, options: Mapping[str, object]) -> Result:
+    """`identify` without parts."""
+    options = dict(options)
     added = options.pop("added", None)
     if rig.drive.kind == "motor" or added is not None or (turns_freely(rig) and chosen.name == "momentum"):
-        return _together(log, rig, chosen, options, added)
-    reference = reference_of(rig)
+        run = partial(_together, method=chosen, options=options, added=added)
+    else:
+        _refuse_coast_down(rig, chosen)
+        run = partial(_identified, chosen=chosen, options=options)
+    reference = None if added is not None or turns_freely(rig) else reference_of(rig)
     if reference is None:
-        return _identified(log, rig, chosen, options)
+        return run(log, rig)
     _require_method(reference, chosen)
     with in_units_of(reference):
-        found = _identified(log, reference.rig, chosen, options)
+        found = run(log, reference.rig)
     return unscaled(found, reference, rig)
 
 
+def _of_parts(log: Logs, rig: Rig, chosen: Method, spans: Sequence[Span], options: Mapping[str, object]) -> Result:
+    """The result of selected parts; of several of one log with the value of each."""
+    chosen_rows = in_parts(log, spans)
+    result = _identify(chosen_rows, rig, chosen, options)
+    if len(spans) == 1 or not isinstance(log, Recording | LargeLog) or not isinstance(chosen_rows, dict):
+        return result
+    return with_parts(result, spans, result.per_log or [_alone(one, rig, chosen) for one in chosen_rows.values()])
+
+
+def _alone(log: Log | SwingidError, rig: Rig, chosen: Method) -> Result:
+    """The result of one part, refused or not."""
+    if isinstance(log, SwingidError):
+        return refusal(chosen.name, log)
+    try:
+        return _identify(log, rig, chosen, {})
+    except SwingidError as error:
+        return refusal(chosen.name, error)
+
+
+def _of_releases(
+    log: Recording, rig: Rig, chosen: Method, spans: Sequence[Span], options: Mapping[str, object]
+) -> Result | None:
+    """The result of all free decays of a log together; None where at most one of them has a number."""
+    try:
+        result = _identify(decays_of(log, spans), rig, chosen, options)
+    except UnanswerableError:
+        return None
+    kept = [span for span, one in zip(spans, result.per_log, strict=True) if one.status != "refused"]
+    if len(kept) < 2:
+        return None
+    if len(kept) < len(spans):
+        result = _identify(decays_of(log, kept), rig, chosen, options)
+    return with_parts(of_releases(result, kept, len(spans) - len(kept)), kept, result.per_log)
+
+
 def _identified(
-    log: Log | Sequence[Log] | Mapping[str, Log | SwingidError],
+    log: Logs,
     rig: Rig,
     chosen: Method,
     options: dict[str, object],
@@ -102,7 +154,7 @@ def _identified(
 
 
 def _together(
-    log: Log | Sequence[Log] | Mapping[str, Log | SwingidError],
+    log: Logs,
     rig: Rig,
     method: Method,
     options: Mapping[str, object],
@@ -129,6 +181,17 @@ def _together(
     elsewhere = free or bodies is not None
     prepared = [prepare(one, rig, together=True, scaled_elsewhere=elsewhere) for one in logs.values()]
     return momentum_together(prepared, list(logs), bodies)
+
+
+def _refuse_coast_down(rig: Rig, method: Method) -> None:
+    """Raise UnanswerableError for a body that turns freely, which only momentum identifies; it was asked first."""
+    if turns_freely(rig):
+        raise UnanswerableError(
+            f"rig {rig.name}: nothing but friction acts on the axis, as in a coast-down, which {method.name} does not "
+            "identify; use the method momentum, or give what draws a swinging body back (axis.gravity_torque, "
+            "axis.stiffness).",
+            code="no-scale",
+        )
 
 
 def _require_method(reference: Reference, method: Method) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swingid.cli.compile import compile_first, kernels_of
-from swingid.cli.options import Certificate, JsonOrRefusal, LogRigFile, Logs, Method, Report, Verbose, rig_of
+from swingid.cli.options import Certificate, JsonOrRefusal, LogRigFile, Logs, Method, Parts, Report, Verbose, rig_of
 from swingid.cli.output import (
     check_report,
     check_targets,
@@ -40,27 +40,21 @@ Provenance = dict[str, object]
 
 @dataclass(frozen=True, slots=True)
 class _Reading:
-    """How logs are read: the part to use (s), None for all of it, and the switches of the repairs.
+    """How logs are read: the switches of the repairs, and `digest`, which gives the SHA-256 of the only large log."""
 
-    digest: gives the SHA-256 of the only log, where it is large.
-    """
-
-    part: tuple[float, float] | None
     repairs: dict[str, bool]
     digest: Callable[[], str] | None = None
 
     def load(self, log: str, rig: Rig) -> Recording | LargeLog:
-        """The recording in a file, a `LargeLog` where it is large; raises as `Recording.load`, `Recording.segment`."""
+        """The recording in a file, a `LargeLog` where it is large; raises as `Recording.load`."""
         from swingid.recording.large import LargeLog, is_large
         from swingid.recording.recording import Recording
 
         if is_large(log):
             keep_memory()
             show = Progress("million rows", 1e6)
-            large = LargeLog(log, rig, self.repairs, self.part, show, cores(), self.digest)
-            return large if self.part is None else large.small() or large
-        recording = Recording.load(log, rig, repairs=self.repairs)
-        return recording if self.part is None else recording.segment(*self.part)
+            return LargeLog(log, rig, self.repairs, None, show, cores(), self.digest)
+        return Recording.load(log, rig, repairs=self.repairs)
 
 
 class Variant(StrEnum):
@@ -80,9 +74,7 @@ def identify(
     option: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="An option of the method; may be repeated.")
     ] = None,
-    part: Annotated[
-        str | None, typer.Option(metavar="FROM:TO", help="Use this part of each log only, s, such as 0:4.5.")
-    ] = None,
+    part: Parts = None,
     added: Annotated[
         list[str] | None,
         typer.Option(
@@ -124,15 +116,18 @@ def identify(
         if "added" in options:
             raise UsageError("--added and --option added are the same; give one of them", code="bad-option")
         options["added"] = added
-    reading = _Reading(_part(part), dict.fromkeys(without_repair or [], False))
+    from swingid.pooling.selected import parts_of
+
+    spans = parts_of(part)
+    reading = _Reading(dict.fromkeys(without_repair or [], False))
     source: Provenance = {"log": logs[0]} if len(logs) == 1 else {"logs": logs}
-    if part is not None:
-        source["part"] = part
+    if part:
+        source["part"] = part[0] if len(part) == 1 else part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
     begun = sha256_begun(logs[0]) if len(logs) == 1 else nullcontext()  # while packages are imported
     with refusals_to(json, method, provenance, report, stated), begun as digest:
         reading = replace(reading, digest=digest)
-        result = _identify(logs, rig, method, options, reading, provenance, json, report, stated, monte_carlo)
+        result = _identify(logs, rig, method, options, reading, spans, provenance, json, report, stated, monte_carlo)
     from swingid.result.brief import brief
 
     hand_over(result, json, report, text=None if verbose else brief(result))
@@ -156,26 +151,13 @@ def _options(given: list[str]) -> dict[str, object]:
     return options
 
 
-def _part(text: str | None) -> tuple[float, float] | None:
-    """Start and stop from FROM:TO, either of which may be left out."""
-    if text is None:
-        return None
-    start, colon, stop = text.partition(":")
-    try:
-        found = float(start or "-inf"), float(stop or "inf")
-    except ValueError:
-        colon, found = "", (0.0, 0.0)
-    if not colon or not found[0] < found[1]:
-        raise UsageError(f"--part {text}: write FROM:TO in seconds, such as 0:4.5", code="bad-part")
-    return found
-
-
 def _identify(
     logs: list[str],
     rig: str,
     method: str,
     options: dict[str, object],
     reading: _Reading,
+    spans: list[tuple[float, float]],
     provenance: Provenance,
     json: str | None,
     report: str | None,
@@ -186,28 +168,31 @@ def _identify(
     check_writable(json, report)
     from swingid.identification import identify as run
     from swingid.model.rig import Rig
+    from swingid.pooling.selected import selected
     from swingid.recording.findings import switched_off
     from swingid.recording.recording import Recording
 
     switched_off(reading.repairs)  # a name that is none is a wrong usage, not a log that cannot be used
     plant = Rig.load(rig)
     provenance |= {"rig": plant.name, "rig_source": plant.source}
-    if draws is not None and len(logs) > 1:
-        raise UsageError("--monte-carlo is for one log; identify the logs one by one", code="not-drawn")
+    if draws is not None and max(len(logs), len(spans)) > 1:
+        raise UsageError("--monte-carlo is for one log; identify the logs or parts one by one", code="not-drawn")
     if len(logs) > 1:
         recording = None
         loaded = _loaded(logs, plant, reading)
         whole = [log for log in loaded.values() if isinstance(log, Recording)]
         compile_first(*(task for log in whole for task in kernels_of(method, log, plant, options.get("input"))))
         with shown(Progress("logs")):
-            result = run(loaded, plant, method, **options)
+            result = run(loaded, plant, method, part=spans, **options)
     else:
         log = reading.load(logs[0], plant)
+        if len(spans) == 1:
+            log, spans = selected(log, spans[0]), []
         recording = log if isinstance(log, Recording) else None
         if recording is not None:
             provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
             compile_first(*kernels_of(method, recording, plant, options.get("input")))
-        result = run(log, plant, method, **options)
+        result = run(log, plant, method, part=spans, **options)
         if draws is not None:
             if recording is None:
                 raise UsageError("--monte-carlo is not for logs that are read in parts; give --part", code="not-drawn")

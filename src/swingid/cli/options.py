@@ -54,6 +54,10 @@ Methods = Annotated[
         parser=method_name, metavar=f"[{_NAMES}]", help="Only this method; may be repeated. Default: all of them."
     ),
 ]
+Parts = Annotated[
+    list[str] | None,
+    typer.Option("--part", metavar="FROM:TO", help="Use all of this part of each LOG, s, such as 0:4.5; repeatable."),
+]
 Motion = Annotated[
     str | None,
     typer.Option(metavar="MOTION", help='Motion to follow, such as "sine 0.8 rad 8.5 rad/s"; none: no command.'),

@@ -9,7 +9,7 @@ import typer
 
 from swingid.cli import output
 from swingid.cli.compile import compile_first, kernels_of
-from swingid.cli.options import Certificate, Json, JsonOrRefusal, LogRigFile, Logs, Methods, Report, rig_of
+from swingid.cli.options import Certificate, Json, JsonOrRefusal, LogRigFile, Logs, Methods, Parts, Report, rig_of
 from swingid.cli.progress import Progress
 from swingid.methods.table import METHODS
 from swingid.progress import shown
@@ -19,6 +19,7 @@ def compare(
     logs: Logs,
     rig: LogRigFile = None,
     method: Methods = None,
+    part: Parts = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
@@ -27,15 +28,16 @@ def compare(
     output.check_files({rig: "the rig file"} | dict.fromkeys(logs, "a log"), json=json, report=report)
     output.check_once(logs)
     from swingid.model.rig import Rig
+    from swingid.pooling.selected import parts_of
     from swingid.recording.recording import Recording
     from swingid.study.compare import compare as run
 
-    plant = Rig.load(rig)
+    spans, plant = parts_of(part), Rig.load(rig)
     recordings = [Recording.load(log, plant) for log in logs]
     names = method or list(METHODS)
     compile_first(*(task for name in names for log in recordings for task in kernels_of(name, log, plant)))
     with shown(Progress("results")):
-        comparison = run(recordings, plant, method)
+        comparison = run(recordings, plant, method, part=spans)
     if report is not None:
         from swingid.report.html import write_comparison
 

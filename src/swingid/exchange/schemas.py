@@ -69,6 +69,8 @@ def result_schema() -> Schema:
         },
     )
     message = _object({"code": TEXT, "message": TEXT})
+    ends_and_value = dict.fromkeys(("start", "stop", "value", "standard_uncertainty"), MAYBE)
+    part = _object({**ends_and_value, "status": {"enum": ["ok", "warning", "refused"]}})
     anything: Schema = {"type": ["object", "null"]}
     return {
         "$schema": DRAFT,
@@ -93,6 +95,7 @@ def result_schema() -> Schema:
                 "ratios": {"type": "boolean"},
                 "monte_carlo": anything,
                 "per_log": _list({"$ref": "#"}),
+                "per_part": _list(part),
             },
         ),
         "$defs": {"parameter": parameter, "entry": entry, "message": message},

@@ -48,7 +48,7 @@ def identify_several(
     """
     if friction not in FRICTION:
         raise UsageError(f"unknown friction {friction!r}; choose {' or '.join(FRICTION)}.", code="no-friction-choice")
-    by_name = _by_name(logs)
+    by_name = logs_by_name(logs)
     results: list[Result] = []
     errors: list[SwingidError] = []
     for name, log in tracked(by_name.items()):
@@ -129,7 +129,7 @@ def _pooled(
     return common, warnings, notes
 
 
-def _by_name(
+def logs_by_name(
     logs: Sequence[Log] | Mapping[str, Log | SwingidError],
 ) -> dict[str, Log | SwingidError]:
     """The logs by name: their paths, or their numbers where paths are missing or alike.
@@ -146,7 +146,8 @@ def _by_name(
     seen: dict[object, str] = {}
     for name, log in logs.items():
         if isinstance(log, Recording):
-            first = seen.setdefault(log.source.sha256 or id(log), name)
+            rows = float(log.time[0]), float(log.time[-1])
+            first = seen.setdefault((log.source.sha256, *rows) if log.source.sha256 else id(log), name)
             if first is not name:
                 message = f"{name} and {first} are the same log; a run counts once, so leave one out."
                 raise UsageError(message, code="same-log-twice")
@@ -159,7 +160,7 @@ def named_recordings(logs: Sequence[Log] | Mapping[str, Log | SwingidError]) -> 
     Raises the error of one that could not be read, UsageError for none, one given twice, or one to be read in parts.
     """
     found = {}
-    for name, log in _by_name(logs).items():
+    for name, log in logs_by_name(logs).items():
         if isinstance(log, SwingidError):
             raise log
         if not isinstance(log, Recording):

@@ -21,6 +21,10 @@ DIFFERENCES = 10_000
 SMALLEST_SWING = 0.02
 """A swing below this share of the largest one is noise or rest, not a swing."""
 
+WHITE = 0.7
+"""Share of the noise that the samples show from one to the next, from which on it is white: 1, known to some per cent;
+steps of an encoder that are seldom passed show none."""
+
 FLATTEST = 0.05
 """Share of the mean acceleration at the reversals below which that of one is not known, see `Motion.reversals`."""
 
@@ -148,7 +152,8 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
     """Speed and turning points of a log; noise: standard deviation of one angle sample.
 
     A reversal counts as a turning point when the swings on both sides are larger than the noise and than
-    2 % of the largest swing, so that a noisy axis at rest has none. Raises UnanswerableError without motion.
+    2 % of the largest swing, so that a noisy axis at rest has none. Noise is that of the smoothed angle, in which that
+    of many samples of a slow swing averages out. Raises UnanswerableError without motion.
     """
     if len(time) < FEWEST_ROWS:
         raise UnanswerableError(
@@ -160,7 +165,8 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
     v = speed.at(fine)
     q = speed.angle_at(fine)
     size = float(q.max() - q.min())
-    if not size > 12 * noise or size == 0.0:
+    level = _after_smoothing(speed, angle, noise)
+    if not size > 12 * level or size == 0.0:
         raise UnanswerableError(
             f"the angle moves by {size:.2g} only, not more than its noise and resolution; record a swing.",
             code="no-motion",
@@ -170,12 +176,17 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
     reach = max(speed.half_width / 2, NARROWEST * typical_step(time))
     instants, angles = _refined(time, angle, speed, instants, reach)
     path = np.concatenate([[q[0]], angles, [q[-1]]])
-    keep = _inner(reversals(path, max(SMALLEST_SWING * size, 8 * noise)), len(angles))
+    keep = _inner(reversals(path, max(SMALLEST_SWING * size, 8 * level)), len(angles))
     small = np.zeros(len(angles), dtype=bool)
     small[_inner(reversals(path, 8 * noise), len(angles))] = True
     small[keep] = False
     sides = np.sign(v[crossings[keep]])
     return Motion(speed, instants[keep], angles[keep], sides, _rests(speed, fine, v), reach, instants[small])
+
+
+def _after_smoothing(speed: Speed, angle: Array, noise: float) -> float:
+    """Noise of the smoothed angle; that of a sample where it is no noise, as the steps of an encoder at low speed."""
+    return speed.angle_noise if sample_noise(angle) > WHITE * noise else noise
 
 
 def _inner(extremes: Ints, count: int) -> Ints:

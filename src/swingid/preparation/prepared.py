@@ -20,7 +20,7 @@ from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.push import push_decided
 from swingid.preparation.rate import levelled
 from swingid.preparation.scale import equation_of, refuse_motor, require_channels
-from swingid.preparation.segment import part_of
+from swingid.preparation.segment import of_selected, part_of
 from swingid.preparation.strings import VerticalMotion
 from swingid.preparation.zero import centred
 from swingid.recording.recording import Recording
@@ -151,7 +151,10 @@ class Prepared:
         if rises is not None:
             notes.append(rises.note(evaluated.parameters["inertia"].value))
             evaluated = rises.counted(evaluated)
-        add_findings(self.log, warnings, notes, used=(part.start, part.stop))
+        log = self.log
+        off = of_selected(log, self._motion(log, part.noise.angle), self.rig.drive.kind) if log.selected else None
+        log = replace(log, findings=(*log.findings, off)) if off else log
+        add_findings(log, warnings, notes, used=(part.start, part.stop))
         decided = {
             "corrections": [one.as_dict() for one in (*self.corrections, *found)],
             "part": [part.start, part.stop],

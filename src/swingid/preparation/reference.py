@@ -10,12 +10,14 @@ import math
 from dataclasses import dataclass
 
 from swingid.errors import UnanswerableError
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, is_spring, rig_terms
 from swingid.units import Quantity, UnknownScale
 
 WHEEL, GAIN, GRAVITY, STIFFNESS = "drive.wheel.inertia", "log.torque_gain", "axis.gravity_torque", "axis.stiffness"
 SUSPENSION = "axis.suspension.stiffness"
+PER_VOLT = "drive.motor.torque_per_volt"
 
 REMEDIES = {
     GRAVITY: (
@@ -29,6 +31,10 @@ REMEDIES = {
     WHEEL: (
         "weigh and measure the wheel (drive.wheel.inertia), or weigh the body and measure the distance of its centre "
         "of mass from the axis (axis.mass and axis.lever) and move it at two frequencies"
+    ),
+    PER_VOLT: (
+        "state drive.motor.torque_per_volt (or torque_constant and resistance), or log it with and without a known "
+        "body (a ring, a disc) and give both logs to swingid identify with --added"
     ),
     GAIN: (
         "calibrate the torque (log.torque_gain, such as by a weight on a lever), or weigh the body and measure the "
@@ -83,11 +89,11 @@ def reference_of(rig: Rig) -> Reference | None:
         return _driven(rig, WHEEL, "wheel_inertia", {"drive.motor": {"gear_ratio": gear} if gear else None})
     if rig.drive.kind == "direct" and isinstance(rig.log.torque_gain, UnknownScale):
         return _driven(rig, GAIN, "torque_gain", {})
-    if rig.drive.channel is not None:
-        return None
     b, held = rig.axis.gravity_torque, [term for term in rig_terms(rig) if term.term.is_conservative]
-    stated = any(term.value is not None and term.value.value for term in held)
-    if stated or (isinstance(b, Quantity) and b.value):
+    acts = any(term.value is not None and term.value.value for term in held) or (isinstance(b, Quantity) and b.value)
+    if rig.drive.kind == "motor" and not acts and "torque_per_volt" in Equation.of(rig).sought:
+        return _motor_on_axis(rig)
+    if rig.drive.channel is not None or acts:
         return None
     forgotten = {"axis.inertia": None}  # not in these units
     spring = next((term for term in held if is_spring(term.term) and term.value is None), None)
@@ -97,6 +103,14 @@ def reference_of(rig: Rig) -> Reference | None:
     if isinstance(b, str):
         return Reference(GRAVITY, "gravity_torque", rig.in_units_of(GRAVITY, forgotten))
     return None
+
+
+def _motor_on_axis(rig: Rig) -> Reference:
+    """The torque per volt as the unit; what else is stated of the motor is in N m, of which nothing else is."""
+    motor = rig.drive.motor
+    gear = None if motor is None or motor.gear_friction is None else motor.gear_friction
+    changes = {"axis.inertia": None, "drive.motor": {"gear_friction": gear} if gear else {}}
+    return Reference(PER_VOLT, "torque_per_volt", rig.in_units_of(PER_VOLT, changes))
 
 
 def _strings(rig: Rig) -> dict[str, object]:

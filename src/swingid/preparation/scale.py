@@ -26,8 +26,6 @@ def equation_of(rig: Rig, *, elsewhere: bool = False) -> Equation:
     held = any(found.value(name) for name in torques)
     if not elsewhere:
         refuse_without_scale(rig)
-    if rig.drive.kind == "motor" and not (held or elsewhere):
-        _require_torque_per_volt(rig, found)
     if rig.drive.channel is None and not held and not elsewhere:
         raise UnanswerableError(
             f"rig {rig.name}: axis.gravity_torque is 0, but in a free decay gravity alone sets the scale; give "
@@ -40,17 +38,6 @@ def equation_of(rig: Rig, *, elsewhere: bool = False) -> Equation:
             code="no-scale",
         )
     return found
-
-
-def _require_torque_per_volt(rig: Rig, equation: Equation) -> None:
-    """Raise UnanswerableError where nothing but the motor's torque per volt could set the scale, and it is unknown."""
-    if "torque_per_volt" in equation.sought:
-        raise UnanswerableError(
-            f"rig {rig.name}: drive.motor.torque_per_volt is unknown, and so is everything else that sets the scale: "
-            "inertia and torque per volt are known as a ratio only; give drive.motor.torque_per_volt (or "
-            "torque_constant and resistance), axis.gravity_torque, or logs with and without a known body (--added).",
-            code="no-scale",
-        )
 
 
 def refuse_terms(rig: Rig, method: str) -> None:

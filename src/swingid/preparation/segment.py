@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import pairwise
 
 import numpy as np
 
 from swingid.errors import UnanswerableError
-from swingid.numerics.arrays import Array, Bools
+from swingid.preparation.decays import FEWEST_TURNS, decays
 from swingid.preparation.motion import Motion
-from swingid.recording.recording import Recording
+from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Message
 
-FEWEST_TURNS = 4
+SWINGS_OFF = 2.0
+"""Swings at an end of a selected part that may differ from what would be used: the first may be held by a hand, the
+last is not complete."""
 
 LEAST_LEFT = 0.1
 """Share of a log that a spin-down has at least: less is the end of a log of something else."""
@@ -27,13 +28,7 @@ def usable_part(
     left_out: excluded parts (s), of a push; the transient after them is not that at the beginning.
     Raises UnanswerableError where fewer than four turning points are found.
     """
-    if len(motion.turning_times) < FEWEST_TURNS:
-        found = len(motion.turning_times)
-        raise UnanswerableError(
-            f"the angle shows {found} turning point{'' if found == 1 else 's'} from {start:.6g} to {stop:.6g} s, "
-            f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro.",
-            code="no-turning-points",
-        )
+    _require_turns(motion, drive, start, stop)
     if drive == "motor":  # equation (I) with the motor's constants holds from the first row on
         return start, stop, Message("segment", f"used the whole log from {start:.4g} to {stop:.4g} s.")
     used = _decay(motion, start, stop) if drive == "none" else _steady(motion, start, stop, left_out)
@@ -43,9 +38,52 @@ def usable_part(
     return *used, Message("segment", f"{text}." if whole else f"{text}: {reason}.")
 
 
+def _require_turns(motion: Motion, drive: str, start: float, stop: float) -> None:
+    """Raise UnanswerableError where fewer than four turning points are found."""
+    if len(motion.turning_times) < FEWEST_TURNS:
+        found = len(motion.turning_times)
+        # momentum needs none with a direct drive, as in a spin-up
+        other = ", or identify one in one direction with the method momentum" if drive == "direct" else ""
+        raise UnanswerableError(
+            f"the angle shows {found} turning point{'' if found == 1 else 's'} from {start:.6g} to {stop:.6g} s, "
+            f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro{other}.",
+            code="no-turning-points",
+        )
+
+
 def part_of(log: Recording, motion: Motion, drive: str) -> tuple[float, float, Message]:
-    """`usable_part` of a log and its excluded parts."""
-    return usable_part(motion, drive, float(log.time[0]), float(log.time[-1]), log.left_out)
+    """`usable_part` of a log and its excluded parts; all of one that a user selected."""
+    start, stop = float(log.time[0]), float(log.time[-1])
+    if log.selected:
+        _require_turns(motion, drive, start, stop)
+        return start, stop, Message("segment", f"used all of the selected part from {start:.4g} to {stop:.4g} s.")
+    return usable_part(motion, drive, start, stop, log.left_out)
+
+
+def of_selected(log: Recording, motion: Motion, drive: str) -> Finding | None:
+    """What of a part that a user selected would have been left out; None where nothing worth a swing.
+
+    A warning of a free decay, in which something else acts then, and a note else: the equation holds in a transient.
+    """
+    start, stop = float(log.time[0]), float(log.time[-1])
+    if drive == "motor" or len(motion.turning_times) < FEWEST_TURNS:
+        return None
+    try:
+        begin, end, _ = usable_part(motion, drive, start, stop, log.left_out)
+    except UnanswerableError as error:
+        text = f"the selected part from {start:.4g} to {stop:.4g} s was used, although by its swings {error.message}"
+        return Finding("selected-part", text, "warning")
+    swing = SWINGS_OFF * motion.half_period
+    late, early = begin - start > swing, stop - end > swing
+    if not (late or early):
+        return None
+    text = (
+        f"all of the selected part from {start:.4g} to {stop:.4g} s was used; only from {begin:.4g} to {end:.4g} s it "
+    )
+    text += "looks like a free decay." if drive == "none" else "looks steady."
+    # behind the last turning point the body rests, which is no other cause
+    at_rest = not late and not np.any(motion.turning_times > end)
+    return Finding("selected-part", text, "note" if drive != "none" or at_rest else "warning")
 
 
 def longest_run(log: Recording) -> Recording:
@@ -88,66 +126,36 @@ def _runs(motion: Motion, left_out: Iterable[Iterable[float]]) -> list[tuple[int
     return [*runs, (first, max(len(motion.swing_sizes), first))]
 
 
-RELEASES = 2
-"""Growing swings of a log in which a body is lifted and let go; more are jitter of the angle, or a hand that drives."""
+def free_decays(motion: Motion, start: float, stop: float) -> list[tuple[float, float]]:
+    """Parts (s) of a log from `start` to `stop` in which its body decays freely, in the order of time.
 
-CHANCE = 0.05
-"""Expected number of runs as long as the one taken, where swings grow and shrink at random. Of random amplitudes that
-a hand may drive, an answer get 0.5 % where each swing is another, 0 to 2 % where they are correlated over 4 swings, up
-to a third where they vary smoothly over 16; of 43 real free decays, which jitter has grow at up to every third swing,
-none is refused."""
-
-LONGEST = 8
-"""Swings of a push that count at most: beyond, hardly more random amplitudes are refused, and a decay of 50 swings
-before someone makes the body swing again would be."""
-
-
-def _decay(motion: Motion, start: float, stop: float) -> tuple[float, float]:
-    """From the turning point after the release to the end of the swings or to another excitation of the axis.
-
-    In a free decay each swing is smaller than the one before; the run of that kind with the most motion is taken, of
-    those too long for a body that is driven by hand. At its first turning point the body may still be held, so the part
-    starts in the middle of the first swing. Raises UnanswerableError where there is none.
+    At its first turning point the body may still be held, so a part starts in the middle of the first swing. Raises
+    UnanswerableError where there is none.
     """
-    sizes, times = motion.swing_sizes, motion.turning_times
-    shrinks = sizes[1:] < 1.002 * sizes[:-1]
-    shrinking = np.concatenate([[False], shrinks, [False]])
-    edges = np.nonzero(~shrinking[1:] | ~shrinking[:-1])[0]
-    runs = [(int(begin), min(int(end), len(sizes) - 1)) for begin, end in pairwise(edges)]
-    runs = [run for run in runs if run[1] - run[0] + 2 >= FEWEST_TURNS]
+    times, runs = motion.turning_times, decays(motion)
     if not runs:
         raise UnanswerableError(
             "no free decay of three shrinking swings or more was found; release the body and do not touch it.",
             code="no-free-decay",
         )
-    runs = [run for run in runs if _is_free(sizes, shrinks, run)]
-    if not runs:
-        grow = int(np.count_nonzero(~shrinks))
+    free = [run for run in runs if run.free]
+    if not free:
+        sizes = motion.swing_sizes
         raise UnanswerableError(
-            f"{grow} of {len(sizes)} swings are larger than the one before, though nothing drives the axis, and no run "
-            "of shrinking ones is long enough for a free decay; release the body and do not touch it, or state what "
-            "drives it as [drive].",
+            f"{int(np.count_nonzero(sizes[1:] > sizes[:-1]))} of {len(sizes)} swings are larger than the one before, "
+            "though nothing drives the axis, and no run of shrinking ones is long enough for a free decay; release the "
+            "body and do not touch it, or state what drives it as [drive].",
             code="driven-by-hand",
         )
-    begin, end = max(runs, key=lambda run: float(sizes[run[0] : run[1]].sum()))
-    released = (times[begin] + times[begin + 1]) / 2
-    return max(start, float(released)), min(stop, float(times[end + 1]))
+    begins = [(times[run.first] + times[run.first + 1]) / 2 for run in free]
+    ends = [times[run.last + 1] for run in free]
+    return [(max(start, float(begin)), min(stop, float(end))) for begin, end in zip(begins, ends, strict=True)]
 
 
-def _is_free(sizes: Array, shrinks: Bools, run: tuple[int, int]) -> bool:
-    """Whether a run of shrinking swings is not one of those that a hand makes, which drives the body now and then.
-
-    Swings that grow and shrink at random hold a run of n shrinking ones after one in 2ⁿ pushes; where a push lasts
-    several swings, that many count as one. The last run is also free where it decays to half of what was before.
-    """
-    begin, end = run
-    grow = int(np.count_nonzero(~shrinks))
-    if grow <= RELEASES:
-        return True
-    pushes = int(np.count_nonzero(np.diff(np.concatenate([[True], shrinks]).astype(np.int8)) < 0))
-    if (end - begin) / min(grow / pushes, LONGEST) >= np.log2((pushes + 1) / CHANCE):
-        return True
-    return bool(end == len(sizes) - 1 and sizes[end] < 0.5 * np.median(sizes[: begin + 1]))
+def _decay(motion: Motion, start: float, stop: float) -> tuple[float, float]:
+    """The free decay with the most motion."""
+    found = free_decays(motion, start, stop)
+    return max(found, key=lambda part: float(motion.within(*part).swing_sizes.sum()))
 
 
 def spin_down(motion: Motion, start: float, stop: float) -> tuple[float, float, Message]:

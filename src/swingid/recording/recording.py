@@ -44,7 +44,8 @@ class Recording:
     adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held: True when
     row k's voltage or torque acts from t_k to t_(k+1), False when it is a measurement at t_k. averaged: rows of the log
     that each row is the mean of (`recording.large`). left_out (k, 2): from when to when (s) rows are excluded, during
-    which an external torque acted; nothing may be continued across.
+    which an external torque acted; nothing may be continued across. selected: whether a user chose these rows,
+    all of which are used.
 
     Velocities that were not measured are not stored: a method that needs one documents how it is found.
     Raises InputError when the channels do not fit together.
@@ -66,6 +67,7 @@ class Recording:
     averaged: int = 1
     left_out: Array = field(default_factory=lambda: np.empty((0, 2)))
     bridge: Array | None = None
+    selected: bool = False
 
     def __post_init__(self) -> None:
         for name in CHANNELS:

@@ -15,7 +15,7 @@ from swingid.recording.findings import Kind
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 SCHEMA = "swingid.result/1"
-WHERE_GIVEN = ("sensitivities", "covariance", "correlation", "ratios", "monte_carlo", "per_log")
+WHERE_GIVEN = ("sensitivities", "covariance", "correlation", "ratios", "monte_carlo", "per_log", "per_part")
 """Fields that a file has only where they hold something."""
 
 
@@ -104,6 +104,20 @@ class Agreement:
 
 
 @dataclass(frozen=True)
+class PartValue:
+    """What one part of a log gives alone: from when to when (s), its value and standard uncertainty, its status.
+
+    value: of the parameter that the result is about; None where the part was refused.
+    """
+
+    start: float
+    stop: float
+    value: float | None
+    standard_uncertainty: float | None
+    status: str
+
+
+@dataclass(frozen=True)
 class Details:
     """What the report draws and the curious read: the way from the log to the number.
 
@@ -183,6 +197,7 @@ class ResultData:
     parameters whose uncertainty is known, of type A and B together. per_log: the ordinary results of several logs, of
     which this one is the common result. ratios: whether nothing set the scale, so that the parameters are ratios such
     as "gravity_torque/inertia" and there is no "inertia". monte_carlo: distributions by Supplement 1 of the GUM.
+    per_part: of several parts of one log, what each gives alone.
     """
 
     method: str
@@ -200,6 +215,7 @@ class ResultData:
     ratios: bool = False
     monte_carlo: MonteCarlo | None = None
     per_log: tuple[ResultData, ...] = ()
+    per_part: tuple[PartValue, ...] = ()
 
     @property
     def inertia(self) -> Parameter:

@@ -29,6 +29,8 @@ OVER_INERTIA = {
     "N m s": "1/s",
     "N m s^2": "1/rad",
     "N m s^3": "s/rad^2",
+    "N m/V": "rad/s^2/V",
+    "N/V": "m/s^2/V",
     "N": "m/s^2",
     "N/m": "1/s^2",
     "N s/m": "1/s",
@@ -82,6 +84,8 @@ def ratios_of(result: Result, reference: str, by: Scaling | None) -> list[Ratio]
             found.append(Ratio(f"{name}/inertia", _over_inertia(name, parameter.unit), {name: 1, scale: -1}))
         else:
             found.append(Ratio(name, parameter.unit, {name: 1, scale: -1}, factor))
+    if reference == "torque_per_volt" and "viscous" in result.parameters:
+        found.append(Ratio("time_constant", "s", {"inertia": 1, "viscous": -1}))
     return found
 
 

@@ -26,10 +26,11 @@ from swingid.model.rig import Rig
 from swingid.model.terms import MOTOR_TERMS, units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
+from swingid.preparation.decays import FEWEST_TURNS
 from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.reference import FRICTION, Reference, turns_freely
 from swingid.preparation.scale import equation_of, refuse_rates
-from swingid.preparation.segment import FEWEST_TURNS, spin_down
+from swingid.preparation.segment import spin_down
 from swingid.result.encoders import encoders_cost
 from swingid.result.provenance import add_findings, defaults_taken, exact_in_row_one, of_several, provenance
 from swingid.result.result import Details, Message, Result
@@ -83,7 +84,7 @@ def _parts(prepared: Sequence[Prepared]) -> list[Part]:
 def part_of_run(prepared: Prepared) -> Part:
     """The part of a log to use: all of a driven one, of another from its fastest instant to its rest."""
     part = prepared.part(whole=True, few=True)
-    if prepared.rig.drive.kind != "none" or prepared.equation.value("gravity_torque"):
+    if prepared.log.selected or prepared.rig.drive.kind != "none" or prepared.equation.value("gravity_torque"):
         return part
     start, stop, note = spin_down(part.motion, float(part.log.time[0]), float(part.log.time[-1]))
     log = part.log.segment(start, stop)

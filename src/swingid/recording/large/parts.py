@@ -222,7 +222,9 @@ def _recording(part: _Part, reading: Reading) -> Recording | SwingidError:
         source = Source(reading.name, None)
         held = reading.held and part.block == 1
         found = tuple(reading.findings)
-        return Recording(**model, drive_held=held, metadata={}, findings=found, source=source, averaged=part.block)
+        return Recording(
+            **model, drive_held=held, findings=found, source=source, averaged=part.block, metadata={}, selected=False
+        )
     except SwingidError as error:
         return error
 

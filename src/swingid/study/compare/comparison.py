@@ -15,6 +15,7 @@ from swingid.identification import identify
 from swingid.methods.table import DEFAULT, METHODS, forget_momentum, one_momentum
 from swingid.model.rig import Rig
 from swingid.numerics.cache import kept_kernels
+from swingid.pooling.selected import each_part, parts_of
 from swingid.progress import tracked
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Result, refusal
@@ -148,13 +149,16 @@ class Comparison(Study):
         return "\n\n".join(_of_log(self, log) for log in self.logs)
 
 
-def compare(logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[str] | None = None) -> Comparison:
-    """Put every method, or the named ones, on the same logs.
+def compare(
+    logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[str] | None = None, *, part: object = None
+) -> Comparison:
+    """Put every method, or the named ones, on the same logs; part: of each of them, as of `identify`.
 
     A method that refuses a log, or crashes on it, is a trial with its reason, not an error. Raises UsageError for an
     unknown method, UnanswerableError where every method refuses every log.
     """
-    several = [logs] if isinstance(logs, Recording) else list(logs)
+    spans, several = parts_of(part), [logs] if isinstance(logs, Recording) else list(logs)
+    several = each_part(several, spans) if spans else several
     trials: list[Trial] = []
     chosen = dict.fromkeys(methods or METHODS)
     with one_momentum():

@@ -37,8 +37,8 @@ PLATEAU = 3.0
 """Times as many swings within one unit of the largest as in the next unit below make them those of a drive: a free body
 loses most where it swings most, but for dry friction, which loses the same."""
 
-LATE = 1.6
-"""Times of the usual one after which a turning point is not the next: swings in between are lost in the noise."""
+LATE = 2.2
+"""Times of the usual one after which a turning point is not the next: of swings lost in the noise it takes three."""
 
 RELEASES = 2
 """Growing swings of a log in which a body is lifted and let go; more are jitter of the angle, or a hand that drives."""

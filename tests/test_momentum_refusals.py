@@ -197,6 +197,40 @@ def test_a_rig_of_another_drive_kind():
     assert caught.value.code == "missing-wheel-angle"
 
 
+@pytest.mark.parametrize("method", ["momentum", "energy", "equation-error", "output-error"])
+@pytest.mark.parametrize("value", [0.0, 0.02])
+def test_a_drive_that_was_not_logged(method, value):
+    log = direct_log(TWO_TONES, friction, TIME)
+    with pytest.raises(InputError, match=rf"torque is {value:g} in all rows.*kind = \"none\"") as caught:
+        identify(replace(log, torque=np.full(len(log), value)), direct_rig(), method)
+    assert caught.value.code == "constant-drive"
+
+
+def test_a_wheel_that_was_not_logged():
+    log = wheel()
+    with pytest.raises(InputError, match="wheel angle is constant") as caught:
+        identify(replace(log, wheel_angle=np.zeros(len(log))), PAPER)
+    assert caught.value.code == "constant-drive"
+
+
+def test_several_logs_of_which_one_lacks_its_drive():
+    log = direct_log(TWO_TONES, friction, TIME)
+    dead = replace(log, torque=np.zeros(len(log)))
+    both = identify({"whole": log, "dead": dead}, direct_rig())
+    assert "log-refused" in codes(both.warnings)
+    assert both.per_log[1].error.code == "constant-drive"
+    with pytest.raises(InputError) as caught:
+        identify({"one": dead, "two": replace(dead, angle=1.001 * dead.angle)}, direct_rig())
+    assert caught.value.code == "constant-drive"
+
+
+@pytest.mark.parametrize("method", ["momentum", "equation-error", "output-error"])
+def test_a_free_decay_on_a_drive_that_rests_is_answered(method):
+    log = free_log(lambda v: 2e-4 * v, TIME)
+    result = identify(replace(log, torque=np.zeros(len(log))), direct_rig(), method)
+    assert result.inertia.value == pytest.approx(INERTIA, rel=2e-3)
+
+
 def test_unknown_methods_and_options():
     with pytest.raises(UsageError, match="momentum"):
         identify(wheel(), PAPER, method="magic")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -279,3 +280,14 @@ def test_calibrate_says_that_identify_finds_the_constants_of_a_motor_on_the_axis
     with pytest.raises(InputError, match="use identify for this rig, which finds the constants of a motor") as caught:
         sw.calibrate(twin_log(1), TRUE)
     assert caught.value.code == "no-wheel"
+
+
+def test_a_voltage_that_was_not_logged():
+    """As in 20 real logs of servos (benchmarks/strangers, sts3250-motor): the load was not read, 0 in all rows."""
+    log = twin_log(1)
+    lost = replace(log, voltage=np.zeros(len(log)))
+    with pytest.raises(InputError, match=r"voltage is 0 in all rows.*what drives it was not logged") as caught:
+        sw.identify(lost, servo())
+    assert caught.value.code == "constant-drive"
+    with pytest.raises(InputError, match="voltage is 0 in all rows"):
+        sw.identify({"whole": log, "lost": lost}, servo())

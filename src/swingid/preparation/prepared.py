@@ -19,7 +19,7 @@ from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.push import push_decided
 from swingid.preparation.rate import levelled
-from swingid.preparation.scale import equation_of, refuse_motor, require_channels
+from swingid.preparation.scale import equation_of, refuse_motor, require_channels, require_drive
 from swingid.preparation.segment import of_selected, part_of
 from swingid.preparation.strings import VerticalMotion
 from swingid.preparation.zero import centred
@@ -186,7 +186,8 @@ def prepare(
     """Decide what is corrected in a log and excluded from it, and do it.
 
     together: for one fit to several logs, which may have a motor on the axis; scaled_elsewhere: see `equation_of`.
-    Raises InputError where the log lacks what the rig's drive needs, UnanswerableError without a scale reference.
+    Raises InputError where the log lacks what the rig's drive needs, or that cannot have done the motion;
+    UnanswerableError without a scale reference.
     """
     if not together:
         refuse_motor(rig, "this method")
@@ -197,6 +198,7 @@ def prepare(
     log, pushes = push_decided(log, rig)
     equation = equation_of(rig, elsewhere=scaled_elsewhere)
     require_channels(log, rig)
+    require_drive(log, rig)
     log, zero = centred(log, rig) if level is None else (log, ())
     return Prepared(log, rig, equation, encoders, (*corrections, *pushes, *zero), one_of_several)
 

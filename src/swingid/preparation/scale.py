@@ -11,7 +11,12 @@ from swingid.errors import InputError, UnanswerableError
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import rig_terms
+from swingid.numerics.arrays import Array
+from swingid.preparation.decays import FEWEST_TURNS
+from swingid.preparation.motion import Motion, find_motion
+from swingid.preparation.noise import channel_noise
 from swingid.preparation.reference import refuse_without_scale
+from swingid.preparation.segment import SWINGS_OFF, usable_part
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 
@@ -107,6 +112,51 @@ def require_channels(log: Recording, rig: Rig) -> None:
             f"column as {name} under [log], or use a rig of another drive kind.",
             code=f"missing-{name.replace('_', '-')}",
         )
+
+
+def require_drive(log: Recording, rig: Rig) -> None:
+    """Raise InputError where the channel of the drive is constant, but the body gains energy: it was not logged.
+
+    Friction only takes energy, and a constant torque has a potential, so in such a log all swings shrink.
+    """
+    name = rig.drive.channel
+    values: Array | None = None if name is None else getattr(log, name)
+    if name is None or values is None or np.ptp(values) > 0:
+        return
+    motion = find_motion(log.time, log.angle, channel_noise(log, rig).angle)
+    if len(motion.turning_times) == 0 or _only_loses(log, rig, motion):
+        return
+    at = "constant" if name == "wheel_angle" else f"{values[0]:.4g}"
+    raise InputError(
+        f"{log.source.path or 'the log'}: the {name.replace('_', ' ')} is {at} in all rows, but the body moves as one "
+        f"that gains energy, so what drives it was not logged; name the column that was as {name} under [log], or "
+        'state [drive] kind = "none" for a free decay.',
+        code="constant-drive",
+    )
+
+
+FARTHER = 0.5
+"""Share of a motion by which a body turns farther from its zero than before where something drives it: that of a free
+one turns nearer to its rest, from which the zero may be off by a quarter of the motion."""
+
+
+def _only_loses(log: Recording, rig: Rig, motion: Motion) -> bool:
+    """Whether what is used of a log is a free decay, but for its first swings, in which a hand may hold the body.
+
+    Of fewer swings than show one, whether they shrink and do not lead away from where the body rests.
+    """
+    if len(motion.turning_times) < FEWEST_TURNS:
+        turns = motion.turning_angles
+        zero = 0.0 if rig.axis.kind == "linear" else 2 * np.pi * round(float(np.mean(turns)) / (2 * np.pi))
+        away = np.diff(np.abs(turns - zero)) > FARTHER * float(np.ptp(log.angle))
+        return not np.any(away) and bool(np.all(np.diff(motion.swing_sizes) <= 0))
+    start, stop = float(log.time[0]), float(log.time[-1])
+    try:
+        begin, _, _ = usable_part(motion, "none", start, stop)
+    except UnanswerableError:
+        return False
+    used, _, _ = usable_part(motion, rig.drive.kind, start, stop, log.left_out)
+    return int(np.count_nonzero((motion.turning_times > used) & (motion.turning_times < begin))) <= SWINGS_OFF
 
 
 def require_motor(log: Recording, rig: Rig, equation: Equation, method: str) -> None:

@@ -13,7 +13,7 @@ import pytest
 import swingid as sw
 from swingid.errors import InputError, UnanswerableError
 from swingid.numerics.test_functions import SLOPE_POWER, neighbour_overlaps, rate_overlaps
-from swingid.preparation.rate import Level, levelled
+from swingid.preparation.rate import Level, levelled, spins
 from swingid.recording.rate_checks import saturated
 from swingid.recording.rates import integral, rate_of
 from swingid.units import Quantity
@@ -241,6 +241,35 @@ def test_contradictions_of_a_rate_are_named(keys, says):
     with pytest.raises(InputError) as problem:
         rig(**keys)
     assert says in str(problem.value)
+
+
+@pytest.mark.parametrize("drawn", [{}, {"axis__gravity_torque": 0, "axis__stiffness": 0.5}])
+def test_a_bias_larger_than_the_swings_is_no_rotation(drawn):
+    """As of a gyroscope in volts, about 1.36 V (browser-fork-gyro of benchmarks/strangers)."""
+    log, own = run(**drawn)
+    own = own.changed({"sensors.angle_speed.bias": None})
+    result = sw.identify(replace(log, angle_speed=log.angle_speed + 20.0), own)
+    plain = sw.identify(log, own)
+    assert result.inertia.value == pytest.approx(plain.inertia.value, rel=1e-6)
+    assert result.parameters["angle_speed_bias"].value == pytest.approx(20, abs=0.02)
+
+
+def test_a_body_that_turns_over_spins():
+    own = rig(axis__friction__coulomb=0, axis__friction__viscous=0)
+    log = sw.simulate(own, duration=30.0, rate=200, seed=1, initial_speed=40.0)
+    assert spins(log.angle_speed, own)
+    slowed = sw.simulate(rig(), duration=6.0, rate=200, seed=1, initial_speed=40.0)
+    assert spins(slowed.angle_speed, own)
+
+
+def test_a_coast_down_that_rests_at_its_end_spins():
+    free = rig(axis__gravity_torque=0)
+    log = sw.simulate(free, duration=30.0, rate=200, seed=1, initial_speed=0.5)
+    log = replace(log, angle_speed=log.angle_speed - log.metadata["truth"]["angle_speed_bias"])
+    at_rest = np.abs(log.angle_speed) < 0.01
+    assert np.mean(at_rest) > 0.1
+    found = sw.identify(log, free).parameters["coulomb/inertia"]
+    assert found.interval95[0] < 3e-4 / J < found.interval95[1]
 
 
 @pytest.mark.long

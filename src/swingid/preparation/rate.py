@@ -17,6 +17,7 @@ from swingid.model.terms import rig_terms
 from swingid.numerics.spline import spline_slopes
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import channel_noise, equivalent
+from swingid.preparation.reference import turns_freely
 from swingid.preparation.segment import part_of
 from swingid.recording.findings import Finding, Kind
 from swingid.recording.rates import RateIs, integral, line_of, without_line
@@ -144,7 +145,7 @@ def levelled(log: Recording, rig: Rig) -> tuple[Recording, Level | None]:
     if not rig.log.has_rate_alone:
         return _beside(log, rig, turned, between)
     middle = float(log.time[0] + log.time[-1]) / 2
-    if spins(log.angle_speed):
+    if spins(log.angle_speed, rig):
         bias = rig.sensors.of_rate("angle").bias.value
         return replace(log, angle=turned - bias * (log.time - log.time[0])), None
     zero, bias = line_of(log.time, turned)
@@ -162,10 +163,21 @@ def levelled(log: Recording, rig: Rig) -> tuple[Recording, Level | None]:
     return replace(log, angle=at), replace(level, between=between)
 
 
-def spins(rate: Array) -> bool:
-    """Whether a body turns in one direction all the time, as in a coast-down, but for a twentieth of the rows."""
+def spins(rate: Array, rig: Rig) -> bool:
+    """Whether a body turns in one direction all the time, as in a coast-down, but for a twentieth of the rows.
+
+    Not a free one that is drawn back and whose rate swings less and less about one mean, which is the bias, as of a
+    gyroscope in volts: what gravity changes in the speed of a body that turns over grows as it slows down.
+    """
+    if turns_freely(rig):
+        return True
     low, high = np.quantile(rate, (0.05, 0.95))
-    return bool(low * high > 0)
+    if low * high <= 0:
+        return False
+    first, second = np.array_split(rate, 2)
+    shrinks = float(np.std(second)) < float(np.std(first))
+    stays = abs(float(np.mean(first) - np.mean(second))) < float(np.std(second))
+    return not (rig.drive.channel is None and shrinks and stays)
 
 
 def _level(log: Recording, rig: Rig, at: Recording, bias: float, found: tuple[Array, Array] | None) -> Level:

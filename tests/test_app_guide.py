@@ -231,6 +231,16 @@ def test_each_release_is_offered(log):
     assert [round(end) for part in found for end in part] == pytest.approx([0, 15, 15, 32], abs=1)
 
 
+def test_the_kind_of_an_encoder_is_written():
+    draft = Draft(columns={"time": "t", "angle": "q"}, kind="free")
+    draft.answers["gravity"] = (2, {})
+    draft.answers["encoder"] = (1, {"sensors.sensor": "AS5600: magnet, 12 bit"})
+    known = draft.rig().sensors
+    assert (known.sensor, known.counts_per_turn) == ("AS5600", 4096)
+    draft.answers["encoder"] = (4, {})
+    assert draft.rig().sensors.of("angle").nonlinearity == 0.0
+
+
 def test_names_of_dropped_files_are_no_paths():
     assert safe_name("../../etc/pass wd.csv", ()) == "pass wd.csv"
     assert safe_name("C:\\x\\run.csv", {"run.csv": 1}) == "run (2).csv"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -13,10 +14,12 @@ import pytest
 
 from browser import browser, listen, picture, served
 from swingid import Recording, Rig, identify
+from swingid.app.analysis import answered, sketched
 from swingid.app.draft import Draft, case_of, mend_of
 from swingid.app.keep import command, five_lines
 from swingid.app.kinds import KINDS, drawing, kind_of_rig
 from swingid.app.look import safe_name
+from swingid.cli import main
 
 SLOW = 40_000  # ms, with kernels that are compiled
 
@@ -136,7 +139,7 @@ def test_from_a_dropped_file_to_what_is_kept(log, tmp_path):
             files[name] = download.value.path().read_bytes()
         picture(page, "guide-keep")
         check_kept(files, log, value)
-        assert "sw.identify(log.segment(start, stop), rig)" in page.get_by_label("Python").inner_text()
+        assert "result = sw.identify(log, rig, part=[(" in page.get_by_label("Python").inner_text()
 
         page.set_viewport_size({"width": 390, "height": 800})
         for name in ("Look", "Which rig?", "What you know", "Part", "Answer"):
@@ -202,17 +205,40 @@ def test_each_kind_of_rig_gives_a_rig_file_whichever_way_its_questions_are_answe
 
 
 @pytest.mark.parametrize("parts", [(), ((16.0, 31.0),), ((1.0, 14.0), (16.0, 31.0))])
-def test_the_lines_of_python_run(log, tmp_path, parts, monkeypatch, capsys):
+def test_the_lines_of_python_and_the_command_give_what_the_page_shows(log, tmp_path, parts, monkeypatch):
     draft = Draft.of({"a log.csv": log}, Rig.from_text(RIG))
     draft.parts = list(parts)
     (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
     (tmp_path / "a log.csv").write_bytes(log.read_bytes())
     monkeypatch.chdir(tmp_path)
-    lines = five_lines(case_of(draft))
+    case = case_of(draft)
+    lines, made = five_lines(case), {}
     assert len(lines.splitlines()) == 5
-    exec(lines, {})
-    assert capsys.readouterr().out.count("[[Identification]]") == max(len(parts), 1)
-    assert command(case_of(draft)).startswith("swingid identify 'a log.csv' --rig rig.toml")
+    exec(lines, made)
+    assert main([*shlex.split(command(case))[1:], "--json", "result.json"]) == 0
+    shown = answered(case, "momentum", {})
+    own = shown.main.value, shown.main.standard_uncertainty
+    assert shown.main.value == pytest.approx(INERTIA, rel=1e-3)
+    written = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    for one in (vars(made["result"].main), written["parameters"]["inertia"]):
+        assert (one["value"], one["standard_uncertainty"]) == own
+    # without parts both releases are found, and each is one
+    assert len(made["result"].per_part) == len(written.get("per_part", ())) == (0 if len(parts) == 1 else 2)
+
+
+def test_each_release_is_offered(log):
+    found = sketched(case_of(Draft.of({"a log.csv": log}, Rig.from_text(RIG))))["releases"]
+    assert [round(end) for part in found for end in part] == pytest.approx([0, 15, 15, 32], abs=1)
+
+
+def test_the_kind_of_an_encoder_is_written():
+    draft = Draft(columns={"time": "t", "angle": "q"}, kind="free")
+    draft.answers["gravity"] = (2, {})
+    draft.answers["encoder"] = (1, {"sensors.sensor": "AS5600: magnet, 12 bit"})
+    known = draft.rig().sensors
+    assert (known.sensor, known.counts_per_turn) == ("AS5600", 4096)
+    draft.answers["encoder"] = (4, {})
+    assert draft.rig().sensors.of("angle").nonlinearity == 0.0
 
 
 def test_names_of_dropped_files_are_no_paths():

@@ -92,6 +92,15 @@ def test_units_follow_the_axis() -> None:
     assert carriage.log.torque_gain == Quantity(35.0, 0.35)
 
 
+@pytest.mark.parametrize(
+    ("spelled", "unit"),
+    [("degrees", "deg"), ("Degree", "deg"), ("°", "deg"), ("radians", "rad"), ("revolutions", "turns"), ("deg", "deg")],
+)
+def test_units_in_full(spelled: str, unit: str) -> None:
+    conventions = rig(f'{WHEEL}[log]\nangle_unit = "{spelled}"\nwheel_angle_unit = "{spelled}"\n').log
+    assert conventions.angle_unit == conventions.wheel_angle_unit == unit
+
+
 def test_wheel_sensor_inherits_what_it_does_not_say() -> None:
     sensors = '[sensors]\ncounts_per_turn = 1000\nnoise = 1e-3\nlatency = "1 ± 0.3 ms"\nnonlinearity = "0.1 deg"\n'
     text = WHEEL + sensors + "[sensors.wheel]\nresolution = 0.25\nnoise = 0\njitter = 1e-4\n"
@@ -217,6 +226,7 @@ BAD = [
     (NONE + "[log]\nrate = 0", "out-of-range", "log.rate", "positive"),
     (NONE + "[log]\nangle = 1", "wrong-value", "log.angle", "text"),
     (NONE + '[log]\nangle = ""', "wrong-value", "log.angle", "not empty"),
+    (NONE + '[log]\nangle_unit = "Grad"', "wrong-value", "log.angle_unit", "'deg'"),
     (NONE + '[log]\nangle_unit = "grad"', "wrong-value", "log.angle_unit", "'deg'"),
     (NONE + '[log]\nangle_unit = "m"', "contradiction", "log.angle_unit", "rotary"),
     (LINEAR + NONE + '[log]\nangle_unit = "deg"', "contradiction", "log.angle_unit", "linear"),

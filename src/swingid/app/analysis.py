@@ -9,7 +9,7 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from functools import lru_cache
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -22,7 +22,8 @@ from swingid.errors import SwingidError, UnanswerableError
 from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.motion import Motion, find_motion
+from swingid.pooling.selected import in_parts, releases
+from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
 from swingid.recording.conventions import SECONDS
 from swingid.recording.formats import read_table
@@ -51,8 +52,8 @@ BINS = 2500
 COARSE = 700
 """The same for a first look at a column."""
 
-GROWN, SHRINKING = 1.15, 5
-"""A swing so many times larger than the one before begins a release; so many swings are worth one."""
+DIGITS = 4
+"""Decimals (s) of the ends of a part, as they are shown and written."""
 
 DECAY = """
 name = "twin"
@@ -188,7 +189,7 @@ def _returns(values: Array, role: str) -> bool:
 
 def sketched(case: Case) -> dict[str, Any]:
     """What the page draws of the first log, thinned: (name, unit, times (n,), values (n,)) of each channel, the angle
-    first; first and last time (s), turning points, and the parts between releases.
+    first; first and last time (s), turning points, and the free decays where a body is released several times.
     """
     plant, recordings = _loaded(case, _changed_at(case))
     recording = recordings[case.logs[0][0]]
@@ -207,17 +208,8 @@ def sketched(case: Case) -> dict[str, Any]:
         "first": float(t[0]),
         "last": float(t[-1]),
         "turning": (motion.turning_times, motion.turning_angles),
-        "releases": _releases(motion, float(t[-1])) if plant.drive.kind == "none" else [],
+        "releases": [(round(a, DIGITS), round(b, DIGITS)) for a, b in releases(recording, plant)],
     }
-
-
-def _releases(motion: Motion, last: float) -> list[tuple[float, float]]:
-    """Parts (s) of swings that shrink, five and more, each after a larger swing than the one before."""
-    sizes, times = motion.swing_sizes, motion.turning_times
-    starts = [k for k in range(len(sizes)) if k == 0 or sizes[k] > GROWN * sizes[k - 1]]
-    ends = [*starts[1:], len(sizes)]
-    runs = [(start, end) for start, end in zip(starts, ends, strict=True) if end - start >= SHRINKING]
-    return [(float(times[start]), last if end == len(sizes) else float(times[end - 1])) for start, end in runs]
 
 
 def inspected(case: Case) -> dict[str, Any]:
@@ -229,10 +221,10 @@ def inspected(case: Case) -> dict[str, Any]:
     return plain
 
 
-def answered(case: Case, method: str, factors: Factors) -> dict[str, Any]:
-    """A result as its JSON; a refusal has the status "refused" and its reason in "error"."""
-    plain: dict[str, Any] = named(_answer(case, method, factors).to_dict(), case)
-    return plain
+def answered(case: Case, method: str, factors: Factors) -> Result:
+    """A result; a refusal has the status "refused" and its reason in `error`."""
+    found: Result = named(_answer(case, method, factors), case)
+    return found
 
 
 def reported(case: Case, method: str, factors: Factors, ending: str) -> bytes:
@@ -241,9 +233,10 @@ def reported(case: Case, method: str, factors: Factors, ending: str) -> bytes:
 
     plant, logs = _given(case, factors)
     result = _answer(case, method, factors)
+    drawn = in_parts(logs, case.parts) if len(case.parts) == 1 else logs
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"report{ending}"
-        write_report(result, logs if isinstance(logs, Recording) else None, plant, path)
+        write_report(result, drawn if isinstance(drawn, Recording) else None, plant, path)
         return path.read_bytes()
 
 
@@ -277,14 +270,16 @@ def named(found: Any, case: Case) -> Any:
         return found
     if isinstance(found, dict):
         return {key: named(value, case) for key, value in found.items()}
-    return [named(one, case) for one in found] if isinstance(found, list | tuple) else found
+    if is_dataclass(found) and not isinstance(found, type):
+        return replace(found, **{own.name: named(getattr(found, own.name), case) for own in fields(found)})
+    return type(found)(named(one, case) for one in found) if isinstance(found, list | tuple) else found
 
 
 def _answer(case: Case, method: str, factors: Factors) -> Result:
     try:
         plant, logs = _given(case, factors)
         more = {"added": list(case.added)} if any(case.added) else {}
-        return identify(logs, plant, method, **more)
+        return identify(logs, plant, method, part=case.parts, **more)
     except SwingidError as error:
         return refusal(method, error)
 
@@ -295,18 +290,7 @@ def _given(case: Case, factors: Factors) -> tuple[Rig, Recording | dict[str, Rec
     if other:
         plant = changed(plant, other)
         recordings = {name: Recording.load(path, plant) for name, path in case.logs}
-    if len(recordings) > 1:
-        return plant, recordings
-    (recording,) = recordings.values()
-    if len(case.parts) > 1:
-        return plant, {f"{a:.4g} to {b:.4g} s": _part(recording, a, b) for a, b in case.parts}
-    return plant, recording.segment(*case.parts[0]) if case.parts else recording
-
-
-def _part(log: Recording, start: float, stop: float) -> Recording:
-    """A part of a log as one of several logs: each has a source of its own, for one log counts once."""
-    own = replace(log.source, sha256=f"{log.source.sha256} {start!r} {stop!r}")
-    return replace(log.segment(start, stop), source=own)
+    return plant, recordings if len(recordings) > 1 else recordings[case.logs[0][0]]
 
 
 def _changed_at(case: Case) -> tuple[int, ...]:

@@ -110,7 +110,7 @@ class Draft:
         """Words of the fields that are still empty."""
         kind = self.rig_kind
         ways = [] if kind is None or self.base else [self.way(question) for question in kind.questions]
-        return [one.words for way, texts in ways for one in way.fields if not texts.get(one.key)]
+        return [one.words for way, texts in ways for one in way.fields if not one.holds(texts.get(one.key, ""))]
 
     def values(self, *, filled: bool = False) -> dict[str, object]:
         """What was told, at dotted keys of rig.toml; filled: fields that are still empty have their examples."""
@@ -129,7 +129,7 @@ class Draft:
                 for one in way.fields:
                     text = texts.get(one.key) or (one.example if filled else "")
                     if text:
-                        found[one.key] = _typed(one.options.get(text, text))
+                        found |= one.options.get(text, {}) if one.options else {one.key: _typed(text)}
         return found | self._log_values() | self.mends
 
     def _log_values(self) -> dict[str, object]:

@@ -9,7 +9,7 @@ from typing import Any
 from nicegui import ui
 
 from swingid.app.analysis import Analyst
-from swingid.app.answer import Answer, half_width
+from swingid.app.answer import Answer
 from swingid.app.draft import Draft
 from swingid.app.keep import Keep
 from swingid.app.kinds import likely
@@ -17,7 +17,7 @@ from swingid.app.know import Know, rig_cards
 from swingid.app.look import Look
 from swingid.app.part import Part
 from swingid.app.parts import Frame, Step, main_button, plain_button
-from swingid.format import plus_minus, pretty_unit
+from swingid.result.brief import value_and_reach
 
 WORDS = (
     ("Look", "what the columns of your log are"),
@@ -212,9 +212,8 @@ class Guide:
         found = await answer.run()
         if found is None or answer is not self.answer:
             return
-        if found["parameters"]:
-            _, main = next(iter(found["parameters"].items()))
-            shown = plus_minus(main["value"], half_width(main), pretty_unit(main["unit"]), fine=True)
+        if found.parameters:
+            shown = value_and_reach(found.main, fine=True)
             self.lines[ANSWER] = f"{shown} (95 %)"
             self.frame.say(f"{shown} (95 %).")
             if self.next is not None:

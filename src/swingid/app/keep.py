@@ -33,9 +33,8 @@ class Keep:
             plain_button("Notebook", lambda: ui.download.content(notebook(case), "swingid.ipynb"))
         ui.label("The same in Python").classes("swingid-strong")
         html(f'<pre class="swingid-code" aria-label="Python">{escaped(five_lines(case))}</pre>', "w-full")
-        if len(case.parts) < 2:
-            ui.label("and in a terminal").classes("swingid-strong")
-            html(f'<pre class="swingid-code">{escaped(command(case))}</pre>', "w-full")
+        ui.label("and in a terminal").classes("swingid-strong")
+        html(f'<pre class="swingid-code">{escaped(command(case))}</pre>', "w-full")
 
     async def _report(self, ending: str) -> None:
         try:
@@ -47,24 +46,19 @@ class Keep:
 
     async def _result(self) -> None:
         found = await self.analyst.do(answered, case_of(self.draft), str(self.method.value), {})
-        text = json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        ui.download.content(text, "result.json")
+        ui.download.content(found.to_json(), "result.json")
 
 
 def five_lines(case: Case) -> str:
-    """Python that reads the logs beside rig.toml and gives the same result; of several parts one after the other."""
+    """Python that reads the logs beside rig.toml and gives the same result."""
     names = [json.dumps(name, ensure_ascii=False) for name, _ in case.logs]
     lines = ["import swingid as sw", 'rig = sw.Rig.load("rig.toml")']
     if len(names) > 1:
         lines.append(f"log = [sw.Recording.load(name, rig) for name in ({', '.join(names)})]")
     else:
         lines.append(f"log = sw.Recording.load({names[0]}, rig)")
-    if len(case.parts) > 1:
-        lines.append(f"for start, stop in {[tuple(part) for part in case.parts]!r}:")
-        return "\n".join([*lines, "    print(sw.identify(log.segment(start, stop), rig).summary())"]) + "\n"
-    used = "log.segment({!r}, {!r})".format(*case.parts[0]) if case.parts else "log"
-    more = f", added={list(case.added)!r}" if case.added else ""
-    return "\n".join([*lines, f"result = sw.identify({used}, rig{more})", "print(result.summary())"]) + "\n"
+    more = f", part={list(case.parts)!r}" if case.parts else f", added={list(case.added)!r}" if case.added else ""
+    return "\n".join([*lines, f"result = sw.identify(log, rig{more})", "print(result.summary())"]) + "\n"
 
 
 def command(case: Case) -> str:
@@ -76,16 +70,14 @@ def command(case: Case) -> str:
 
 def notebook(case: Case) -> str:
     """The same as a Jupyter notebook that writes rig.toml first."""
-    parts = five_lines(case).splitlines()
     cells = [
         _cell(
             "markdown", "# Moment of inertia, by swingid\n\nThe log lies beside this notebook; `pip install swingid`."
         ),
         _cell("code", f"%%writefile rig.toml\n{case.rig}"),
-        _cell("code", "\n".join(parts)),
+        _cell("code", five_lines(case).rstrip()),
+        _cell("code", "result.plot();"),
     ]
-    if len(case.parts) < 2:
-        cells.append(_cell("code", "result.plot();"))
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     whole = {"cells": cells, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
     for number, cell in enumerate(cells):

@@ -11,15 +11,21 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from swingid.model.rig import encoder_kinds
+
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One value to be typed: its key in rig.toml, words, and an example; options: values to choose from, by words."""
+    """One value to be typed: its key in rig.toml, words, an example; options: to choose from, values at keys by words."""
 
     key: str
     words: str
     example: str = ""
-    options: Mapping[str, int | str] = field(default_factory=dict)
+    options: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+
+    def holds(self, text: str) -> bool:
+        """Whether a text fills it; one that was chosen from other options does not."""
+        return text in self.options if self.options else bool(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,31 +70,25 @@ class Kind:
         return next((some for some in self.needs if not any(columns.get(role) for role in some)), ())
 
 
-ENCODERS: Mapping[str, int | str] = {
-    "12 bit, as AS5600, MT6701, Dynamixel (4096)": 4096,
-    "14 bit, as AS5047, AS5048 (16384)": 16384,
-    "10 bit (1024)": 1024,
-    "500 lines, read fourfold (2000)": 2000,
-    "600 lines, read fourfold (2400)": 2400,
-    "1000 lines, read fourfold (4000)": 4000,
-    "2048 lines, read fourfold (8192)": 8192,
-    "2500 lines, read fourfold (10000)": 10000,
-    "17 bit (131072)": 131072,
-    "20 bit (1048576)": 1048576,
-}
-"""Steps per turn of encoders by name."""
+ENCODERS = {f"{kind.name}: {kind.words}": kind for kind in encoder_kinds.KINDS if kind.name != "ideal"}
+"""Kinds of encoders by name and words."""
 
 
-def _encoder(name: str, table: str, words: str) -> Question:
-    key = f"{table}.counts_per_turn"
+def _encoder(name: str, table: str, words: str, unknown: Way) -> Question:
+    """What an encoder is; unknown: what follows where it is not known."""
+    kind, steps = f"{table}.sensor", f"{table}.counts_per_turn"
+    fixed = {text: {kind: one.name, steps: one.counts} for text, one in ENCODERS.items() if one.counts}
+    others = {text: {kind: one.name} for text, one in ENCODERS.items() if not one.counts}
     return Question(
         name,
         words,
-        "On its label or in its data sheet. Lines of an incremental encoder count fourfold.",
+        "On its label or in its data sheet. Lines of an incremental encoder count fourfold: 600 are 2400 per turn.",
         (
-            Way("not known", cost="Its steps are estimated from the log; its bending is not in the interval."),
-            Way("from a list", (Field(key, "encoder", options=ENCODERS),)),
-            Way("counts per turn", (Field(key, "counts per turn", "4096"),)),
+            unknown,
+            Way("by its type", (Field(kind, "encoder", options=fixed),)),
+            Way("kind and counts", (Field(kind, "kind", options=others), Field(steps, "counts per turn", "2400"))),
+            Way("kind alone", (Field(kind, "kind", options=others),), cost="Its steps are estimated from the log."),
+            Way("ideal", values={kind: "ideal"}, cost="As of a simulation: its bending is not in the interval."),
         ),
     )
 
@@ -123,7 +123,16 @@ def _value(name: str, words: str, where: str, key: str, example: str, cost: str,
 RATIO = "The answer is a ratio to it, not in kg m²."
 FREE_UNKNOWN = "The answer is m g l over the inertia, not kg m²."
 DRIVEN_UNKNOWN = "It is identified with the inertia; that needs motions of two frequencies, and the interval is wider."
-ENCODER = _encoder("encoder", "sensors", "Encoder of the body")
+ENCODER = _encoder(
+    "encoder",
+    "sensors",
+    "Encoder of the body",
+    Way("not known", cost="Its steps are estimated from the log; its bending counts as that of an unknown kind."),
+)
+WHEEL_ENCODER = _encoder(
+    "wheel-encoder", "sensors.wheel", "Encoder of the wheel",
+    Way("as of the body, or not known", cost="What is stated of the body's encoder counts for the wheel's."),
+)  # fmt: skip
 
 HELD = Question(
     "held", "What the column of the torque holds", "A command acts until the next row; a reply is measured.",
@@ -140,7 +149,7 @@ KINDS = (
                       "relative to the body.", (
                           Way("relative to the body", values={"log.wheel_angle_is": "relative"}),
                           Way("against the room", values={"log.wheel_angle_is": "absolute"}))),
-             ENCODER, _encoder("wheel-encoder", "sensors.wheel", "Encoder of the wheel")),
+             ENCODER, WHEEL_ENCODER),
          (("angle",), ("wheel_angle", "wheel_speed"))),
     Kind("free", "A free pendulum", "Lifted, let go, swings until it rests.", ("free-pendulum", 0, 1), "none",
          (_gravity(FREE_UNKNOWN), ENCODER)),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from nicegui import ui
 
-from swingid.app.analysis import Analyst, inspected, named, sketched
+from swingid.app.analysis import DIGITS, Analyst, inspected, named, sketched
 from swingid.app.draft import Draft, case_of, mend_of
 from swingid.app.parts import choice_button, findings, main_button, more, plain_button, said
 from swingid.app.plot import Line, Plot
@@ -74,7 +74,8 @@ class Part:
         self.angle.shade(sorted(self.draft.parts))
         self.chips.clear()
         with self.chips:
-            choice_button("whole log", not self.draft.parts, lambda: self._set([]))
+            whole = f"whole log: its {len(self.releases)} releases" if self.releases else "whole log"
+            choice_button(whole, not self.draft.parts, lambda: self._set([]))
             for k, (start, stop) in enumerate(self.releases[:MOST]):
                 chosen = (start, stop) in self.draft.parts
                 words = f"release {k + 1}: {start:.4g} to {stop:.4g} s"
@@ -101,11 +102,13 @@ class Part:
         apart = [part for part in self.draft.parts if part[1] < start or part[0] > stop]
         over = [part for part in self.draft.parts if part not in apart]
         joined = min([start, *(a for a, _ in over)]), max([stop, *(b for _, b in over)])
-        self._set([*apart, (round(joined[0], 4), round(joined[1], 4))])
+        self._set([*apart, (round(joined[0], DIGITS), round(joined[1], DIGITS))])
 
     def _toggle(self, part: tuple[float, float]) -> None:
-        rest = [one for one in self.draft.parts if one != part]
-        self._set(rest if len(rest) < len(self.draft.parts) else [*rest, part])
+        if part in self.draft.parts:
+            self._set([one for one in self.draft.parts if one != part])
+        else:
+            self._add(*part)
 
     def _set(self, parts: list[tuple[float, float]]) -> None:
         self.draft.parts = sorted(parts)[:MOST]

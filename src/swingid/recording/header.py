@@ -15,7 +15,7 @@ import numpy as np
 from swingid.errors import InputError
 from swingid.recording.conventions import SECONDS, Conventions, Scale
 from swingid.recording.findings import Finding
-from swingid.recording.formats.table import canonical
+from swingid.spellings import canonical
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,13 +15,13 @@ from swingid.recording.conventions import TURN, Conventions, Reading, gather
 from swingid.recording.findings import Finding, Kind, Source, notes_of, switched_off
 from swingid.recording.formats import parquet, read_table
 from swingid.recording.formats.csv import TABLE_NEEDS
-from swingid.recording.formats.table import canonical
 from swingid.recording.grid import check_grids
 from swingid.recording.header import FACTORS, from_first_row, with_header_units
 from swingid.recording.live import is_live, live
 from swingid.recording.rate_checks import check_beside, unsaturated
 from swingid.recording.repair import repair
 from swingid.recording.rows import LARGEST, MANY
+from swingid.spellings import canonical
 from swingid.system import LARGEST_FILE, is_file, read_input
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from swingid.format import common_exponent, interval, number, percent, plus_minus, power_of_ten, pretty_unit
+from swingid.format import common_exponent, interval, number, percent, power_of_ten, pretty_unit
 from swingid.report.words import RIG, parameter_word
 from swingid.result.result import Result
 from swingid.result.summary import freedom_text, sorted_budget
@@ -160,12 +160,6 @@ def _stated(key: str, result: Result, rig: Rig | None) -> float | None:
     for name in key.split("."):
         place = getattr(place, name, None)
     return place.value if isinstance(place, Quantity) else None
-
-
-def expanded_text(parameter: Parameter) -> str:
-    """'(3.02200 ± 0.00091) × 10⁻³ kg m²': value ± expanded uncertainty; the value where that is unknown."""
-    u, k = parameter.standard_uncertainty, parameter.coverage_factor
-    return plus_minus(parameter.value, None if u is None or k is None else k * u, parameter.unit, fine=True)
 
 
 def headings(budget: Budget) -> Sequence[str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from swingid.format import interval
 from swingid.report import tables
-from swingid.report.budget import budgets, expanded_text, headings
+from swingid.report.budget import budgets, headings
 from swingid.report.certificate import Certificate, stated_rows
 from swingid.report.figures.estimates import (
     draw_budget,
@@ -23,6 +23,7 @@ from swingid.report.page import date_of_issue, filled, is_pdf, picture, write_pa
 from swingid.report.pdf import Attachment, Head
 from swingid.report.style import house_style
 from swingid.report.words import DRIVES, KINDS, parameter_word
+from swingid.result.brief import value_and_reach
 from swingid.result.result import Result
 from swingid.result.summary import freedom_text, log_row, relative, segment_text, value_text, why_unknown
 
@@ -191,7 +192,7 @@ def _answer(result: Result, *, linear: bool) -> dict[str, str]:
         "words": word.words,
         "symbol": word.symbol,
         "value": value_text(inertia, fine=True),
-        "expanded": expanded_text(inertia) if inertia.interval95 else "",
+        "expanded": value_and_reach(inertia, fine=True) if inertia.interval95 else "",
         "factor": f"{inertia.coverage_factor:.2f}" if inertia.coverage_factor else "",
         "freedom": freedom_text(inertia),
         "interval": interval(inertia.interval95, inertia.unit, middle=inertia.value, fine=True)

@@ -41,14 +41,24 @@ def brief(result: ResultData) -> str:
 
 def expanded(parameter: Parameter) -> str:
     """Value ± half of its 95 % interval, with the coverage factor and the relative standard uncertainty."""
-    if parameter.interval95 is None or parameter.coverage_factor is None:
-        return f"{number(parameter.value, parameter.unit)}  (uncertainty unknown)"
+    return f"{value_and_reach(parameter)}  {coverage(parameter)}"
+
+
+def value_and_reach(parameter: Parameter, *, fine: bool = False) -> str:
+    """'(3.02200 ± 0.00091)e-3 kg m²': value ± half of its 95 % interval; the value where that is unknown."""
+    if parameter.interval95 is None:
+        return number(parameter.value, parameter.unit, fine=fine)
     low, high = parameter.interval95
-    text = plus_minus(parameter.value, (high - low) / 2, parameter.unit)
+    return plus_minus(parameter.value, (high - low) / 2, parameter.unit, fine=fine)
+
+
+def coverage(parameter: Parameter) -> str:
+    """'(95 %, k = 2.05; u = 0.15 %)': what stands behind `value_and_reach`."""
+    if parameter.coverage_factor is None:
+        return "(uncertainty unknown)"
     u = relative(parameter)
-    return f"{text}  (95 %, k = {parameter.coverage_factor:.2f}" + (
-        f"; u {'' if u.startswith('>') else '= '}{u})" if u else ")"
-    )
+    share_of_value = f"; u {'' if u.startswith('>') else '= '}{u}" if u else ""
+    return f"(95 %, k = {parameter.coverage_factor:.2f}{share_of_value})"
 
 
 def _values(result: ResultData) -> Iterator[tuple[str, str]]:
@@ -108,10 +118,10 @@ def _shares(result: ResultData) -> Iterator[tuple[str, str]]:
     main = result.parameters[result.leading]
     for k, entry in enumerate(entries[:MOST_SHARES]):
         yield "budget" if k == 0 else "", f"{share(entry.standard_uncertainty, main)}  {entry.source}"
-    yield "to reduce", _remedy(entries[0], main)
+    yield "to reduce", remedy(entries[0], main)
 
 
-def _remedy(entry: BudgetEntry, main: Parameter) -> str:
+def remedy(entry: BudgetEntry, main: Parameter) -> str:
     """What makes a contribution smaller, and where that is known the 95 % interval with half of it."""
     key = entry.shared_id or ""
     if key.startswith("sensors") or ".sensors" in key:

@@ -28,6 +28,7 @@ from swingid.model.rig.fields import (
 )
 from swingid.model.rig.gravity import weighed
 from swingid.model.rig.suspension import Bifilar, Suspension, Trifilar
+from swingid.spellings import canonical
 from swingid.units import Quantity, shown
 
 Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]
@@ -259,6 +260,15 @@ class LogConventions(Table):
     reference: Column = "ym"
     drive_held: bool = True
     clock: Annotated[Quantity, quantity("", above=-0.5, below=1)] = Quantity(0.0, 1e-4)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _units_as_spelled(cls, raw: Any) -> Any:
+        if not isinstance(raw, dict):
+            return raw
+        # "grad" heads degrees in German logs, but elsewhere it is a four hundredth of a turn: it is refused
+        units = {key: unit for key, unit in raw.items() if key.endswith("_unit") and isinstance(unit, str)}
+        return raw | {key: canonical(unit) for key, unit in units.items() if unit.strip().lower() != "grad"}
 
     @model_validator(mode="before")
     @classmethod

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from swingid.recording.formats.cells import are_whole_thousands, has_decimal_comma, is_grouped, is_stamp
-from swingid.recording.formats.table import UNITS
+from swingid.spellings import UNITS
 
 DELIMITERS = (b"\t", b";", b",", b"|")
 

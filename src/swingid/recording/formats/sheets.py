@@ -6,7 +6,8 @@ import re
 from typing import TYPE_CHECKING
 
 from swingid.errors import InputError
-from swingid.recording.formats.table import Table, canonical, split_unit
+from swingid.recording.formats.table import Table, split_unit
+from swingid.spellings import canonical
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

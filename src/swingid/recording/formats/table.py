@@ -1,4 +1,4 @@
-"""What every file format gives: named columns, as they stand in the file, and the spellings of their units."""
+"""What every file format gives: named columns, as they stand in the file."""
 
 from __future__ import annotations
 
@@ -18,41 +18,6 @@ if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
 
     Columns = dict[str, Array | NDArray[np.object_]]
-
-
-SPELLINGS: dict[str, tuple[str, ...]] = {
-    "s": ("s", "sec", "secs", "second", "seconds"),
-    "ms": ("ms", "msec", "millis", "milliseconds"),
-    "us": ("us", "µs", "μs", "usec", "micros", "microseconds"),
-    "ns": ("ns", "nsec", "nanos", "nanoseconds"),
-    "rad": ("rad", "radian", "radians"),
-    "deg": ("deg", "degree", "degrees", "°", "º", "grad"),
-    "turns": ("turn", "turns", "rev", "revs", "umdr"),
-    "counts": ("count", "counts", "ticks", "cnt", "cnts", "inc"),
-    "m": ("m",),
-    "mm": ("mm",),
-    "V": ("v", "volt", "volts"),
-    "mV": ("mv",),
-    "N m": ("nm", "n m", "n*m", "n·m"),
-    "mN m": ("mnm", "mn m", "mn*m", "mn·m"),
-    "N": ("n",),
-    "rad/s": ("rad/s", "rads"),
-    "deg/s": ("deg/s", "°/s"),
-    "rpm": ("rpm", "1/min", "u/min"),
-    "turns/s": ("turns/s", "rev/s"),
-    "counts/s": ("counts/s",),
-    "m/s": ("m/s",),
-    "A": ("a",),
-    "mA": ("ma",),
-    "Hz": ("hz",),
-}
-UNITS = {spelling: unit for unit, spellings in SPELLINGS.items() for spelling in spellings}
-"""The unit of a spelling in lower case."""
-
-
-def canonical(unit: str) -> str:
-    """A unit as rig.toml spells it; one that is not known as it stands."""
-    return UNITS.get(unit.strip().lower(), unit)
 
 
 #: Where swingid keeps its metadata inside a file: the CSV comment's prefix, the key of a Parquet schema.

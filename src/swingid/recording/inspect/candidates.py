@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.recording.formats.table import UNITS, canonical
 from swingid.recording.header import ANGLES, FACTORS, SPEEDS, TIMES
+from swingid.spellings import UNITS, canonical
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array

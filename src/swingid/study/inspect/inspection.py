@@ -20,7 +20,7 @@ from swingid.preparation.push import without_pushes
 from swingid.preparation.reference import in_units
 from swingid.recording.conventions import SECONDS, Conventions
 from swingid.recording.formats import read_table
-from swingid.recording.formats.table import Table, canonical
+from swingid.recording.formats.table import Table
 from swingid.recording.header import with_header_units
 from swingid.recording.inspect import Check, Column, Roles, describe, guess_roles, log_table, read_clock
 from swingid.recording.inspect.check import Clock, check_clock
@@ -28,6 +28,7 @@ from swingid.recording.inspect.rig_text import trial_rig
 from swingid.recording.large import first_rows, is_large, rows_in
 from swingid.recording.load import FEWEST_ROWS, read_bytes
 from swingid.recording.recording import Recording, Source
+from swingid.spellings import canonical
 from swingid.study.inspect.channels import Channel, check_channels
 from swingid.study.inspect.corrections import physics, read
 from swingid.study.inspect.motion import Service, Swings, not_checked, read_motion, services

@@ -205,7 +205,7 @@ def test_other_long_commands(started, log, tmp_path, command, seconds):
 def test_what_was_written_is_named(monkeypatch, tmp_path, capsys, log):
     """The report is whole, and the interruption comes before the JSON."""
 
-    def stop(*_):
+    def stop(*_, **__):
         raise KeyboardInterrupt
 
     report = tmp_path / "report.html"

@@ -121,7 +121,9 @@ def test_the_sensors_noise_is_not_counted_twice(monkeypatch: pytest.MonkeyPatch)
     weight = 3e-6 / (1e-3 / math.sqrt(2001))
     clean = log().angle
     fake(monkeypatch, lambda recording, rig: 6.4e-3 + weight * float(np.mean(recording.angle - clean)))
-    rig = sw.Rig.from_text(RIG.replace('latency = "0 ± 0.5 ms"\nnonlinearity = "0.1 deg"', "noise = 0"))
+    rig = sw.Rig.from_text(
+        RIG.replace('latency = "0 ± 0.5 ms"\nnonlinearity = "0.1 deg"', "noise = 0\nlatency = 0\nnonlinearity = 0")
+    )
     linear = result(5e-6, BudgetEntry(scatter("scatter of the windows"), "inertia", 5e-6))
     found = monte_carlo(log(), rig, "fake", linear, 1200, workers=1).monte_carlo
     assert found is not None

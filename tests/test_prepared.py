@@ -87,7 +87,7 @@ def test_what_is_not_taken_off_biases_every_method_as_theory_says(method):
     (told,) = result.provenance["preparation"]["corrections"]
     assert (told["origin"], told["value"]) == ("switched off", LATE)
     assert "latency-left" in {note.code for note in result.notes}
-    silent = given(DIRECT).changed({"sensors.latency": None})
+    silent = given(DIRECT).changed({"sensors.latency": "0 s"})
     other = identify(late_log("calibrate"), silent, method)
     assert other.inertia.value == pytest.approx(result.inertia.value, rel=1e-12)
 

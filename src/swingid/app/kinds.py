@@ -16,7 +16,7 @@ from swingid.model.rig import encoder_kinds
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One value to be typed: its key in rig.toml, words, an example; options: to choose from, values at keys by words."""
+    """A value to be typed: its key in rig.toml, words, an example; options: to choose from, values at keys by words."""
 
     key: str
     words: str
@@ -191,7 +191,7 @@ KINDS = (
          (ENCODER,), fixed={"axis.gravity_torque": 0}),
     Kind("cart", "A carriage on a rail", "A known force moves it to and fro.", ("cart", 0, 1), "direct", (
         _value("gain", "Force per unit of its column", "1 where the column is in N.", "log.torque_gain",
-               "35.15 ± 0.1", "The answer is this gain over the mass."), HELD),
+               "20.0 ± 0.1", "The answer is this gain over the mass."), HELD),
          (("angle", "angle_speed"), ("torque",)), linear=True),
 )  # fmt: skip
 """All kinds, in the order of docs/which-rig.md."""

@@ -71,7 +71,8 @@ class Decay:
 class _Swings:
     """Sizes of swings (rad or m), and on the scale of their scatter: single ones and their envelope.
 
-    grows: the steps to the next swing that are growth; kicks: those of them after which the swings stay larger.
+    grows: the steps to the next swing that are growth; kicks: those of them after which the swings stay larger. calm:
+    whether the sizes scatter by no more than `FLOOR` allows for.
     """
 
     sizes: Array
@@ -79,6 +80,7 @@ class _Swings:
     envelope: Array
     grows: Bools
     kicks: Ints
+    calm: bool
 
     @property
     def last(self) -> int:
@@ -97,6 +99,8 @@ def decays(motion: Motion) -> list[Decay]:
     # in the last swing before others a hand takes the body
     found = [(first, last if last == swings.last else last - 1) for first, last in found]
     found = [(first, last) for first, last in found if _shrinks(swings, first, last)]
+    if not found and swings.calm and not swings.grows.any():  # too little friction to be seen; no hand is as regular
+        return [Decay(0, swings.last, free=True)]
     return [Decay(first, last, _is_free(swings, first, last)) for first, last in found]
 
 
@@ -114,7 +118,7 @@ def _swings(sizes: Array, noise: float) -> _Swings:
     kicks = np.flatnonzero(grows)
     if relative > FLOOR:
         kicks = kicks[_stays(smooth, kicks)]
-    return _Swings(sizes, single, smooth, grows, kicks)
+    return _Swings(sizes, single, smooth, grows, kicks, relative <= FLOOR)
 
 
 def _scatter(sizes: Array) -> float:

@@ -182,7 +182,9 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
 
 def _polled(log: Recording, sensor: Sensor) -> Recording:
     """The log with the wheel's angle at its rows where it was polled in beat with them, with a note of it."""
-    if log.wheel_angle is None or log.wheel_speed is not None or np.ptp(np.diff(log.time)) * log.rate > UNEVEN:
+    if log.wheel_angle is None or log.wheel_speed is not None or len(log.time) < 2:
+        return log
+    if np.ptp(np.diff(log.time)) * log.rate > UNEVEN:
         return log
     age = ages(log.wheel_angle, sensor.resolution)
     if age is None:

@@ -16,7 +16,7 @@ from swingid.model.rig import encoder_kinds
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One value to be typed: its key in rig.toml, words, an example; options: to choose from, values at keys by words."""
+    """A value to be typed: its key in rig.toml, words, an example; options: to choose from, values at keys by words."""
 
     key: str
     words: str

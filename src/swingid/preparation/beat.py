@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.arrays import Array, Ints, median
 
 CLEAR = 8
-"""Steps of the encoder that a row must turn for a repeated or a doubled one to be told from rounding."""
+"""Steps of the encoder, and standard deviations of a row's turn by noise, that a row must turn for a repeated or a
+doubled one to be neither rounding nor noise: 1 − `NEAR` of it is 5.6 standard deviations."""
 
 NEAR = 0.3
 """Distance from 0 or 2 rows of turn within which a row counts as repeated or doubled: rounding is at most 1/8."""
@@ -43,7 +44,8 @@ def ages(angle: Array, count: float) -> Array | None:
     turn = np.diff(angle)
     usual = (angle[2 * SPREAD :] - angle[: -2 * SPREAD]) / (2 * SPREAD)
     rows = np.arange(len(usual)) + SPREAD
-    clear = np.abs(usual) > CLEAR * count
+    noise = 1.4826 * float(median(np.abs(turn[rows - 1] - usual)))
+    clear = np.abs(usual) > CLEAR * max(count, noise)
     share = turn[rows[clear] - 1] / usual[clear]
     at = rows[clear]
     repeated, doubled = at[np.abs(share) < NEAR], at[np.abs(share - 2) < NEAR]

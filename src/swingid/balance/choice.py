@@ -108,7 +108,13 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
 
 def _longest_of_best(tried: dict[float, WindowFit]) -> WindowFit:
     """The fit on the longest windows of about the least relative uncertainty."""
-    least = min(fit.relative(fit.total) for fit in tried.values())
+    least = min(filter(np.isfinite, (fit.relative(fit.total) for fit in tried.values())), default=None)
+    if least is None:
+        raise UnanswerableError(
+            "no fit of the log has a finite uncertainty, so it does not determine the inertia; record a larger motion, "
+            "or leave out the parts in which nothing moves (--part).",
+            code="not-identifiable",
+        )
     return max((fit for fit in tried.values() if fit.relative(fit.total) <= FLAT * least), key=lambda fit: fit.half)
 
 

@@ -12,7 +12,7 @@ from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import rig_terms
 from swingid.numerics.arrays import Array
-from swingid.preparation.decays import FEWEST_TURNS
+from swingid.preparation.decays import FEWEST_TURNS, FLOOR
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.reference import refuse_without_scale
@@ -154,6 +154,9 @@ def _only_loses(log: Recording, rig: Rig, motion: Motion) -> bool:
     try:
         begin, _, _ = usable_part(motion, "none", start, stop)
     except UnanswerableError:
+        return False
+    sizes = motion.within(begin, stop).swing_sizes
+    if np.ptp(sizes) < FLOOR * np.max(sizes):  # without any loss: something drives it
         return False
     used, _, _ = usable_part(motion, rig.drive.kind, start, stop, log.left_out)
     return int(np.count_nonzero((motion.turning_times > used) & (motion.turning_times < begin))) <= SWINGS_OFF

@@ -259,10 +259,11 @@ def friction_windows(signals: Signals, tried: dict[float, WindowFit]) -> WindowF
     """
     moments = _moments(signals)
     within = [fit for half, fit in tried.items() if half <= ONE_SWING * signals.motion.half_period]
+    spread = {fit.half: _torque_variance(fit, moments) for fit in within}
+    within = [fit for fit in within if np.isfinite(spread[fit.half])]
     if not within:
         return min(tried.values(), key=lambda fit: fit.half)
-    spread = {fit.half: _torque_variance(fit, moments) for fit in within}
-    least = min(spread.values())
+    least = min(spread[fit.half] for fit in within)
     return max((fit for fit in within if spread[fit.half] <= CALM**2 * least), key=lambda fit: fit.half)
 
 

@@ -25,6 +25,10 @@ WHITE = 0.7
 """Share of the noise that the samples show from one to the next, from which on it is white: 1, known to some per cent;
 steps of an encoder that are seldom passed show none."""
 
+LOUD = 80
+"""Times the noise of a sample that a motion is larger: then a swing of a tenth of it is seen without smoothing, and
+reversals below are noise rather than swings (with them the inertia of two tones in noise scatters 1.2 times as much)."""
+
 FLATTEST = 0.05
 """Share of the mean acceleration at the reversals below which that of one is not known, see `Motion.reversals`."""
 
@@ -165,7 +169,7 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
     v = speed.at(fine)
     q = speed.angle_at(fine)
     size = float(q.max() - q.min())
-    level = _after_smoothing(speed, angle, noise)
+    level = noise if size > LOUD * noise else _after_smoothing(speed, angle, noise)
     if not size > 12 * level or size == 0.0:
         raise UnanswerableError(
             f"the angle moves by {size:.2g} only, not more than its noise and resolution; record a swing.",

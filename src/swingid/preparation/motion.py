@@ -27,7 +27,7 @@ steps of an encoder that are seldom passed show none."""
 
 LOUD = 80
 """Times the noise of a sample that a motion is larger: then a swing of a tenth of it is seen without smoothing, and
-reversals below are noise rather than swings (with them the inertia of two tones in noise scatters 1.2 times as much)."""
+reversals below are noise (with them the inertia of two tones in noise of 10 mrad scatters 1.2 times as much)."""
 
 FLATTEST = 0.05
 """Share of the mean acceleration at the reversals below which that of one is not known, see `Motion.reversals`."""

@@ -180,7 +180,7 @@ class Gate:
 
 
 def _too_large(headers: _Headers) -> bool:
-    """Whether the body of a request is larger than `LARGEST_BODY`, or of a length that nobody states."""
+    """Whether the body of a request is larger than `LARGEST_BODY`, or its length is not stated."""
     lengths = headers["content-length"]
     return bool(headers["transfer-encoding"]) or any(not one.isdigit() or int(one) > LARGEST_BODY for one in lengths)
 

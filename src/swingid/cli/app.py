@@ -32,14 +32,14 @@ for members in GROUPS.values():
 @app.command("help", hidden=True)
 def _help(context: typer.Context, command: Annotated[str | None, typer.Argument()] = None) -> None:
     """Print the help of all commands, or of one."""
-    group = context.find_root().command
-    found = group if command is None else group.get_command(context, command)  # type: ignore[attr-defined]
+    root = context.find_root()
+    if command is None:
+        typer.echo(root.get_help())
+        return
+    found = root.command.get_command(root, command)  # type: ignore[attr-defined]
     if found is None:
         raise UsageError(f"there is no command {command!r}; see swingid --help", code="no-command")
-    parent = context.find_root()
-    typer.echo(
-        found.get_help(parent if command is None else found.make_context(command, [], parent, resilient_parsing=True))
-    )
+    typer.echo(found.get_help(found.make_context(command, [], root, resilient_parsing=True)))
 
 
 @app.command("version", hidden=True)

@@ -1,6 +1,6 @@
 """Images of the firmware that the package ships, and which of them a device states in Hello.
 
-An image states the CRC-32 of its own bytes, so a journal tells what ran.
+An image states the CRC-32 of its own bytes, which the journal of a run records.
 """
 
 from __future__ import annotations

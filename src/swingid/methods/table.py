@@ -129,18 +129,18 @@ def forget_momentum() -> None:
 
 
 def _momentum_of(log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool) -> MomentumCheck:
-    """Momentum's answer with these options, which is made where it is asked for."""
+    """Momentum's answer with these options, computed on first use; within `one_momentum` one for all methods."""
     from swingid.checks.momentum import MomentumCheck
     from swingid.preparation.prepared import prepare
 
-    kept = _kept.get()
-    for one in kept or () if not options else ():
+    kept = None if options else _kept.get()
+    for one in kept or ():
         if one.log is log and one.rig == rig and one.one_of_several == one_of_several:
             return one.check
     method = METHODS[DEFAULT].load()
     prepared = prepare(log, rig, one_of_several=one_of_several)
     check = MomentumCheck(prepared, partial(_agreed, method), options)
-    if kept is not None and not options:
+    if kept is not None:
         kept[:] = [one for one in kept if one.log is log]  # logs come one after the other
         kept.append(_Kept(log, rig, one_of_several, check))
     return check

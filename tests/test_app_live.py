@@ -27,11 +27,17 @@ def click(page, name: str) -> None:
 
 
 def go_to(page, name: str) -> None:
-    """Open a step, once it may be."""
+    """Open a step, once it may be, from another one that is open."""
     step = page.locator(f"section[aria-label='{name}']")
     step.locator(".swingid-step-head[aria-disabled='false']").wait_for(timeout=SLOW)
     if step.locator(".swingid-step-head").get_attribute("aria-expanded") != "true":
         step.locator(".swingid-step-head").click()
+    is_open(page, name)
+
+
+def is_open(page, name: str) -> None:
+    """Wait until the server has opened a step: a click on an open one would fold it."""
+    page.locator(f"section[aria-label='{name}'] .swingid-step-head[aria-expanded='true']").wait_for(timeout=SLOW)
 
 
 def waits(page, name: str):
@@ -43,14 +49,17 @@ def ready_to_run(page, duration: float, words: str = "sine 0.8 rad 8.5 rad/s") -
     """Connect, Check, Rehearse."""
     click(page, "Connect")
     click(page, "Next: Check")
+    is_open(page, "Check")
     click(page, "Check")
     page.get_by_text("signs: axis").first.wait_for(timeout=SLOW)
     click(page, "Next: Rehearse")
+    is_open(page, "Rehearse")
     page.get_by_label("reference", exact=True).fill(words)
     page.get_by_label("duration, s").fill(f"{duration:g}")
     click(page, "Rehearse on the twin")
     page.get_by_text("within the limits of the guard").first.wait_for(timeout=SLOW)
     click(page, "Next: Run")
+    is_open(page, "Run")
 
 
 def journals(folder: Path) -> list[Path]:

@@ -90,4 +90,4 @@ def test_intervals_of_instruments_cover_with_noise_of_one_milliradian():
     runs = 150
     share, width, _ = coverage(runs, ["instruments"])["instruments"]
     assert abs(share - 0.95) < 0.02 + 2 * np.sqrt(0.95 * 0.05 / runs)
-    assert 1.8 < width < 2.4
+    assert 1.8 < width < 2.6  # 1.96 is exact; the comparison with momentum's answer adds by chance, too

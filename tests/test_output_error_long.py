@@ -40,7 +40,11 @@ def test_emps(data_dir):
 @pytest.mark.long
 @pytest.mark.parametrize("options", [{"law": "viscous"}, {"law": "viscous", "input": "wheel"}])
 def test_intervals_cover_the_truth(options):
-    """150 runs with 1 mrad of white noise; the share is 95 % ± 1.8 % by chance. What is too wide shows in the width."""
+    """150 runs with 1 mrad of white noise; the share is 95 % ± 1.8 % by chance. What is too wide shows in the width.
+
+    1.96 times the error is exact; the comparison with momentum's answer and with the gravity torque of the rig file,
+    which may contradict a log by chance, adds up to a third.
+    """
     spec = importlib.util.spec_from_file_location("benchmark", PROJECT / "benchmarks" / "output_error.py")
     benchmark = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(benchmark)
@@ -49,4 +53,4 @@ def test_intervals_cover_the_truth(options):
     size = (sum(error**2 for error, _, _ in found) / len(found)) ** 0.5
     halves = sorted(half for _, half, _ in found)
     assert share >= 0.91
-    assert 1.7 < halves[len(halves) // 2] / size < 2.5
+    assert 1.7 < halves[len(halves) // 2] / size < 2.6

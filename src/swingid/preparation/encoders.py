@@ -83,10 +83,10 @@ class Encoders:
         """As the rig file declares them; latencies 0 where their correction is switched off for `log`.
 
         Where it states no latency, the last channel that is read may be late against the other by `DELAY` samples of
-        `log`. What is the integral of a rate has no nonlinearity.
+        `log`. What is the integral of a rate, or the place on a straight axis, has no error that repeats with a turn.
         """
         angle, wheel = rig.sensors.of("angle"), rig.sensors.of("wheel")
-        if rig.log.has_rate_alone:
+        if rig.log.has_rate_alone or rig.axis.kind == "linear":
             angle = replace(angle, cosine=Quantity(0.0), sine=Quantity(0.0), twice=0.0)
         if log is None:
             return cls(angle, wheel)

@@ -7,6 +7,7 @@ a wrong one biases the inertia, which the residuals show. `momentum` needs no la
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -18,7 +19,16 @@ from swingid.methods.output_error.answer import answer_of, details_of, estimate_
 from swingid.methods.output_error.checks import check_fit, is_poor, left_of_channels
 from swingid.methods.output_error.declared import constants_found
 from swingid.methods.output_error.problem import Problem
-from swingid.methods.output_error.search import RICHEST, Searched, best_start, choose_law, first_values, search
+from swingid.methods.output_error.search import (
+    DISTINCT,
+    RICHEST,
+    Choice,
+    Searched,
+    best_start,
+    choose_law,
+    first_values,
+    search,
+)
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.unknowns import Unknowns
 from swingid.numerics.arrays import Array
@@ -160,11 +170,27 @@ def _first_search(setup: Setup, problem: Problem, unknowns: Unknowns, values: Ar
 
 
 def _final_fit(setup: Setup, rough: Searched, law: str) -> Searched:
-    """The fit with the given law, or with the law of least Bayesian information criterion."""
+    """The fit with the given law, or with the law of least Bayesian information criterion.
+
+    The laws are compared to first order about the motion of `RICHEST`. A law that then fits worse than `RICHEST` by
+    that criterion is not near this motion (a peak of friction narrower than the steps of speed), and the next is taken.
+    """
     if rough.law == law:
         return replace(rough, fit=solve_from(rough.fit))
-    problem, choice = rough.problem, choose_law(rough, _independent(rough), setup.fastest, law)
-    unknowns = setup.unknowns(choice.law).with_zero_of(rough.unknowns)
+    independent, names = _independent(rough), DISTINCT if law == "auto" else (law,)
+    while True:
+        choice = choose_law(rough, independent, setup.fastest, names)
+        found = _fit_of(setup, rough, choice)
+        fewer = len(rough.unknowns.names) - len(found.unknowns.names)
+        allowed = math.exp(max(fewer, 0) * math.log(independent) / independent)
+        names = tuple(name for name in names if name != choice.law)
+        if found.fit.cost <= allowed * rough.fit.cost or not names:
+            return found
+
+
+def _fit_of(setup: Setup, rough: Searched, choice: Choice) -> Searched:
+    """The fit with the law of `choice`, from its values."""
+    problem, unknowns = rough.problem, setup.unknowns(choice.law).with_zero_of(rough.unknowns)
     begin, shooting = np.array([choice.values[name] for name in unknowns.names]), problem.shooting(unknowns, setup.loss)
     if rough.near and "stribeck" not in choice.law:  # whose peak is not linear in its speed
         fit = solve(shooting, begin, choice.states, damping=CLOSE)
@@ -172,8 +198,9 @@ def _final_fit(setup: Setup, rough: Searched, law: str) -> Searched:
         fit = solve(shooting, begin, rough.fit.states)
     if not np.isfinite(fit.cost):  # values by a linear change of the motion, which may have a negative friction
         fit = search(problem, unknowns, first_values(setup, unknowns), setup.loss).fit
-    spread = choice.spread if law == "auto" else 0.0
-    return replace(rough, unknowns=unknowns, fit=fit, candidates=choice.candidates, law=choice.law, spread=spread)
+    return replace(
+        rough, unknowns=unknowns, fit=fit, candidates=choice.candidates, law=choice.law, spread=choice.spread
+    )
 
 
 def _independent(found: Searched) -> float:

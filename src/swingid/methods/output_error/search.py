@@ -176,8 +176,8 @@ class Choice:
     spread: float
 
 
-def choose_law(rough: Searched, independent: float, fastest: float, law: str) -> Choice:
-    """Choose the friction law of least Bayesian information criterion; with a `law` other than "auto" only its values.
+def choose_law(rough: Searched, independent: float, fastest: float, names: tuple[str, ...]) -> Choice:
+    """Choose the friction law of least Bayesian information criterion among `names`; of one name only its values.
 
     rough: the fit of `RICHEST`. Every law is compared about the motion of that fit, to first order, so that only
     the best one is fitted again. independent: effective number of independent readings. The spread is that of the
@@ -190,7 +190,6 @@ def choose_law(rough: Searched, independent: float, fastest: float, law: str) ->
     peaks = fastest * np.array(PEAKS)
     origin = np.concatenate([fit.values[body], _terms(at), np.zeros(len(peaks))])
     reduced, gram = _products(rough, body, peaks)
-    names = DISTINCT if law == "auto" else (law,)
     choice = LawChoice(gram, len(body), independent, names, names[0], peaks=peaks, origin=origin, level=BELOW)
     best, weights, trials = choice.best, choice.weights(akaike), choice.trials
     squares = [(one.values[0] - best.values[0]) ** 2 + one.variance - best.variance for one in trials.values()]
@@ -199,7 +198,10 @@ def choose_law(rough: Searched, independent: float, fastest: float, law: str) ->
     values = {unknowns.names[k]: float(value) for k, value in zip(body, best.values[: len(body)], strict=True)}
     values |= dict(zip(found.unknowns, found.values.tolist(), strict=True))
     values |= {name: float(own @ found.coefficients) for name, own in parameter_weights(found.terms).items()}
-    scores = dict(sorted(choice.scores().items(), key=lambda item: item[1])) if law == "auto" else {}
+    if len(names) == 1:
+        spread, scores = 0.0, {}
+    else:
+        scores = dict(sorted(choice.scores().items(), key=lambda item: item[1]))
     states = fit.states + reduced.states(np.append(best.values - origin, 0.0))
     return Choice(found.name, values, states, scores, spread)
 

@@ -83,8 +83,8 @@ class _Strings(Table):
         apart = 0.0 if same else upper.value - lower.value
         given, key = self.height or self.length, "height" if self.height else "length"
         assert given is not None
-        square = given.value**2 - (0.0 if self.height else apart**2)
-        if square <= 0:
+        square = given.value * given.value - (0.0 if self.height else apart * apart)
+        if not 0 < square < math.inf:
             refuse("out-of-range", f"is {given.value:g} m, too short for these distances", key)
         h = math.sqrt(square)
         shape = 2 * upper.value * lower.value / square

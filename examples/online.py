@@ -41,7 +41,7 @@ def main(arguments: list[str]) -> None:
         log = sw.Recording.load(path, rig)
     else:
         log, rig = twin()
-    for estimate in sw.online(rig, rows(log)):
+    for estimate in sw.online(rows(log), rig):
         print(estimate)
 
 

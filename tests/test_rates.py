@@ -223,7 +223,7 @@ def test_what_cannot_use_a_rate_refuses_it_by_name(method):
         sw.identify(log, own, method=method)
     assert problem.value.code == "rate-alone"
     with pytest.raises(UnanswerableError, match="a stream"):
-        next(sw.online(own, log))
+        next(sw.online(log, own))
 
 
 @pytest.mark.parametrize(

@@ -204,7 +204,7 @@ def test_of_a_difference_the_clock_cancels_and_what_is_not_modelled_does_not(
 @pytest.mark.parametrize("method", ["momentum", "energy"])
 def test_a_stream_has_the_entries_too(free: tuple[sw.Recording, sw.Rig], method: str) -> None:
     log, exact = free
-    *_, last = sw.online(exact.changed(UNSTATED_FREE), log, method)
+    *_, last = sw.online(log, exact.changed(UNSTATED_FREE), method)
     budget = {e.source: e.standard_uncertainty for e in last.budget if e.parameter == "inertia"}
     assert budget["log.clock"] == pytest.approx(2e-4 * last.inertia.value, rel=1e-2)
     assert budget["what is not modelled"] == pytest.approx(5e-5 * last.inertia.value, rel=1e-12)

@@ -32,9 +32,11 @@ if TYPE_CHECKING:
     from swingid.simulation import simulate as simulate
     from swingid.study.compare import compare as compare
     from swingid.study.design import design as design
+    from swingid.study.inspect import inspect_log
     from swingid.study.rehearse import rehearse as rehearse
     from swingid.study.validate import validate as validate
 
+    inspect = inspect_log
     __version__: str
 
 _HOMES = {
@@ -51,6 +53,7 @@ _HOMES = {
     "design": "swingid.study.design",
     "difference": "swingid.pooling",
     "identify": "swingid.identification",
+    "inspect": "swingid.study.inspect:inspect_log",
     "parse_reference": "swingid.control.references",
     "rehearse": "swingid.study.rehearse",
     "simulate": "swingid.simulation",
@@ -71,7 +74,8 @@ def __getattr__(name: str) -> Any:
     elif name in _MODULES:
         value = import_module(f"swingid.{name}")
     elif name in _HOMES:
-        value = getattr(import_module(_HOMES[name]), name)
+        home, _, there = _HOMES[name].partition(":")
+        value = getattr(import_module(home), there or name)
     else:
         raise AttributeError(f"module 'swingid' has no attribute {name!r}")
     globals()[name] = value
@@ -79,4 +83,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, "__version__"})
+    return sorted([*__all__, "__version__"])

@@ -26,6 +26,13 @@ def identify(
     method: str = DEFAULT,
     *,
     part: object = None,
+    added: object = None,
+    friction: object = None,
+    memory: object = None,
+    variant: object = None,
+    cutoff: object = None,
+    input: object = None,
+    law: object = None,
     **options: object,
 ) -> Result:
     """Moment of inertia and friction of the body from a log, by the named method.
@@ -44,10 +51,23 @@ def identify(
     part : (start, stop), "start:stop", or several of them, s
         Use all rows of these parts only, whatever they look like; several are parts of one result, with `per_part`.
         By default the part is chosen (docs/methods.md); where a body is released several times, each decay is one.
+    added : one inertia per log, kg m² (kg), as numbers or text
+        "momentum": inertia of a known body that is on the axis beside the one sought, 0 for none. The logs are then
+        fitted together.
+    friction : "per-log" (default) or "shared"; for "equation-error" and one log the name of a friction law
+        Whether several logs of one body have friction of their own.
+    memory : "auto" (default), "on" or "off"
+        "momentum": whether an impulse of friction at each reversal is fitted.
+    variant : "better" (default) or "printed"
+        "energy": the balance fitted to all passes, or the paper's formulas as printed.
+    cutoff : float, Hz
+        "equation-error": of the low-pass. By default a rule chooses it.
+    input : "voltage" or "wheel"
+        "output-error": what drives the simulated motion.
+    law : text
+        "output-error": friction law, by default the one of least BIC. "backstepping": "printed" or "consistent".
     options
-        Keyword arguments of the method's function, such as ``variant="printed"`` for "energy". Of several logs also
-        ``friction``: "per-log" (default) or "shared". ``added``, of momentum: the inertia of a known body on the axis
-        beside the one sought, one per log (0: none), by which logs that differ in it are fitted together.
+        Further keyword arguments of the method's function (docs/methods.md). None stands for the default of each.
 
     Raises
     ------
@@ -57,7 +77,19 @@ def identify(
         The log does not determine the inertia: no motion, too short, not identifiable.
 
     Where nothing in the rig sets a scale the result has ratios to the inertia (`Result.ratios`) and no inertia.
+
+    Examples
+    --------
+    >>> import swingid as sw
+    >>> rig = sw.Rig.load("paper")
+    >>> log = sw.simulate(rig, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), duration=25, seed=1)
+    >>> result = sw.identify(log, rig)
+    >>> print(result.status, f"{result.inertia.value:.4g}", result.inertia.unit)
+    ok 0.003022 kg m^2
     """
+    named = {"added": added, "friction": friction, "memory": memory, "variant": variant, "cutoff": cutoff}
+    named |= {"input": input, "law": law}
+    options = {name: value for name, value in named.items() if value is not None} | options
     chosen, spans = method_of(method), parts_of(part)
     if not isinstance(rig, Rig):
         raise UsageError(f"{rig!r} is no Rig; load one with sw.Rig.load(name or path).", code="no-rig")

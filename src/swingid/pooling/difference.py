@@ -48,6 +48,15 @@ def difference(
     Raises InputError for files that hold no inertia or do not belong together, UnanswerableError where the difference
     is lost in its uncertainty, UsageError for options that do not fit. Do not use it where the body also changes the
     friction law at standstill or the way the axis is held: such changes are taken for inertia.
+
+    Examples
+    --------
+    >>> import swingid as sw
+    >>> motion = sw.parse_reference("sine 0.8 rad 8.5 rad/s")
+    >>> rigs = sw.Rig.load("paper"), sw.Rig.load("paper-body")
+    >>> tare, loaded = (sw.identify(sw.simulate(rig, motion, duration=25, seed=1), rig) for rig in rigs)
+    >>> print(f"{sw.difference(tare, loaded).inertia.value:.3e}")  # 961e-6 in the twin
+    9.610e-04
     """
     runs = Runs.of(tare, loaded, ratios=known is not None)
     options = {"mass": mass, "distance": distance, "known": known}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -49,6 +49,16 @@ class Recording:
 
     Velocities that were not measured are not stored: a method that needs one documents how it is found.
     Raises InputError when the channels do not fit together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import swingid as sw
+    >>> rig = sw.Rig.from_text('drive = {kind = "none"}')
+    >>> t = np.arange(1000) / 100
+    >>> log = sw.Recording.from_columns({"t": t, "q1": 0.3 * np.cos(5 * t)}, rig)
+    >>> len(log), round(log.rate), log.segment(2, 4).duration
+    (1000, 100, 2.0)
     """
 
     time: Array
@@ -93,6 +103,15 @@ class Recording:
     def is_live(self) -> bool:
         """Whether this is the journal of a live run, which does not read [log]."""
         return bool(self.metadata.get("live"))
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        """The true values of a simulated log (SI) by the names of parameters; empty for a log of a real rig.
+
+        No method reads them. `simulation.simulate_run` gives the true motion, too.
+        """
+        found = self.metadata.get("truth")
+        return dict(found) if isinstance(found, dict) else {}
 
     @property
     def duration(self) -> float:

@@ -34,7 +34,7 @@ NOISES = 10.0
 """Standard deviations of noise, and steps of the encoder, that a swing must exceed."""
 
 
-def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momentum") -> Iterator[SwingEstimate]:
+def online(samples: Iterable[object] | Recording, rig: Rig, method: str = "momentum") -> Iterator[SwingEstimate]:
     """One estimate per swing of a stream, each as soon as the swing after it has turned around.
 
     samples: rows (t, angle, wheel_angle, voltage or torque) in the units and conventions of a Recording (s, rad or m,
@@ -48,7 +48,18 @@ def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momen
 
     Raises UsageError for another method, InputError for samples that are no rows or a wheel of the wrong sign,
     UnanswerableError where the stream ends without enough swings.
+
+    Examples
+    --------
+    >>> import swingid as sw
+    >>> rig = sw.Rig.load("paper")
+    >>> log = sw.simulate(rig, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), duration=15, seed=1)
+    >>> *_, last = sw.online(log, rig)
+    >>> f"{last.inertia.value:.3g}"
+    '0.00302'
     """
+    if isinstance(samples, Rig):  # the order of arguments before version 1
+        samples, rig = rig, samples
     estimator = Estimator(rig, method)
     for block in estimator.swings.blocks(samples):
         yield from estimator.add(block)
@@ -62,7 +73,7 @@ def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momen
 
 def swing_estimates(log: Recording, rig: Rig, method: str = "momentum") -> list[SwingEstimate]:
     """The estimates of `online` for a whole log."""
-    return list(online(rig, log, method))
+    return list(online(log, rig, method))
 
 
 class Estimator:

@@ -175,7 +175,17 @@ def simulate(
     constants with a stated uncertainty, so that the rig is one of those its file allows. `encoder_zero` (rad): what the
     encoders of axis and wheel read at angle 0.
 
+    The true values are in `Recording.truth`; no method reads them. `simulate_run` gives the true motion, too.
+
     Raises UsageError for contradicting arguments, InputError for a rig without inertia or gravity torque.
+
+    Examples
+    --------
+    >>> import swingid as sw
+    >>> rig = sw.Rig.load("paper")
+    >>> log = sw.simulate(rig, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), duration=5, rate=500)
+    >>> len(log), log.truth["inertia"]
+    (2501, 0.003022)
     """
     return run_of(Setup(**locals())).recording
 

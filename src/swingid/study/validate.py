@@ -141,6 +141,15 @@ def validate(
 
     Raises InputError for a refused result, a missing channel or one of the wrong sign, UnanswerableError for a log
     without motion.
+
+    Examples
+    --------
+    >>> import swingid as sw
+    >>> rig, motion = sw.Rig.load("paper"), sw.parse_reference("sine 0.8 rad 8.5 rad/s")
+    >>> fitted, other = (sw.simulate(rig, motion, duration=25, seed=k) for k in (1, 2))
+    >>> found = sw.validate(sw.identify(fitted, rig), other, rig)
+    >>> found.predictions[0].swing_fit > 99
+    True
     """
     refuse_motor(rig, "validate")
     p = model_vector(result, rig)

@@ -129,6 +129,11 @@ class Parameter:
         return cls(float(value), float(standard_uncertainty), interval, unit, freedom)
 
     @property
+    def u(self) -> float | None:
+        """Short name of `standard_uncertainty`; None where it is unknown."""
+        return self.standard_uncertainty
+
+    @property
     def coverage_factor(self) -> float | None:
         """k: half-width of the interval over the standard uncertainty; None where either is unknown."""
         if self.interval95 is None or self.standard_uncertainty is None:

@@ -42,6 +42,13 @@ def parse_reference(text: str, unit: str = "rad") -> Reference:
     """The reference motion that `text` names, after the grammar of this module; `unit` is that of a bare amplitude.
 
     Raises UsageError for text outside the grammar, with an example, and InputError for an unusable file.
+
+    Examples
+    --------
+    >>> import swingid as sw
+    >>> motion = sw.parse_reference("sine 45 deg 1 Hz")
+    >>> float(motion(0.25).round(3))  # rad
+    0.785
     """
     kind, _, rest = text.strip().partition(" ")
     if kind == "file":

@@ -41,6 +41,21 @@ class Rig(Table):
     """One rig. Read it with `Rig.load`, `Rig.builtin` or `Rig.from_text`, vary it with `changed`.
 
     `source` is the path or "built-in paper", `text` the TOML as read (for hashes and provenance).
+
+    Examples
+    --------
+    >>> import swingid as sw
+    >>> rig = sw.Rig.from_text('''
+    ... [axis]
+    ... mass = "107.0 ± 0.1 g"
+    ... lever = "74.0 ± 0.1 mm"
+    ... [drive]
+    ... kind = "none"
+    ... ''')
+    >>> f"{rig.axis.gravity_torque.value:.4f} ± {rig.axis.gravity_torque.std:.4f} N m"
+    '0.0776 ± 0.0002 N m'
+    >>> rig.changed({"axis.lever": "75 mm"}).axis.lever.value
+    0.075
     """
 
     name: Annotated[Column, AfterValidator(_one_line)]

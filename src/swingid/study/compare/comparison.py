@@ -156,6 +156,15 @@ def compare(
 
     A method that refuses a log, or crashes on it, is a trial with its reason, not an error. Raises UsageError for an
     unknown method, UnanswerableError where every method refuses every log.
+
+    Examples
+    --------
+    >>> import swingid as sw
+    >>> rig = sw.Rig.load("paper")
+    >>> log = sw.simulate(rig, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), duration=25, seed=1)
+    >>> found = sw.compare(log, rig, ["momentum", "energy"])
+    >>> [(trial.method, trial.result.status) for trial in found.trials]
+    [('momentum', 'ok'), ('energy', 'ok')]
     """
     spans, several = parts_of(part), [logs] if isinstance(logs, Recording) else list(logs)
     several = each_part(several, spans) if spans else several

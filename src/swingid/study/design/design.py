@@ -74,6 +74,14 @@ def design(
 
     Raises UsageError for values out of range, InputError where an expected value is missing, UnanswerableError where no
     motion within the limits reaches the uncertainty.
+
+    Examples
+    --------
+    >>> import swingid as sw
+    >>> rig = sw.Rig.load("paper").changed({"drive.wheel.inertia": "1134 ± 0.2 g*cm^2"})
+    >>> found = sw.design(rig, "0.05 %", duration=20, check=False)
+    >>> found.proposal.duration <= 20, found.proposal.reference.split()[0]
+    (True, 'sine')
     """
     refuse_motor(rig, "design")
     task = required(rig, uncertainty, duration, max_angle, max_speed, inertia, gravity_torque, rate, settling)

@@ -124,7 +124,22 @@ class Inspection(Study):
 
 
 def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
-    """Look at a log (of a large one at its first rows); raises InputError only where the file is no table."""
+    """Look at a log (of a large one at its first rows); raises InputError only where the file is no table.
+
+    path: the file. rig: against which the log is checked too, if given. In `swingid` it is called `inspect`.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import swingid as sw
+    >>> rig = sw.Rig.load("paper")
+    >>> log = sw.simulate(rig, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), duration=25, seed=1)
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "run.csv"
+    >>> _ = log.save(file)
+    >>> found = sw.inspect(file, rig)
+    >>> found.verdict.status
+    'ready'
+    """
     if is_large(path):
         return _of_first_rows(path, rig)
     content = read_bytes(path)

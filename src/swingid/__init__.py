@@ -53,13 +53,16 @@ _HOMES = {
     "design": "swingid.study.design",
     "difference": "swingid.pooling",
     "identify": "swingid.identification",
-    "inspect": "swingid.study.inspect:inspect_log",
+    "inspect": "swingid.study.inspect",
     "parse_reference": "swingid.control.references",
     "rehearse": "swingid.study.rehearse",
     "simulate": "swingid.simulation",
     "tensor": "swingid.body",
     "validate": "swingid.study.validate",
 }
+
+_THERE = {"inspect": "inspect_log"}
+"""What a name is called in its home, where that differs."""
 
 _MODULES = ("errors", "live")
 
@@ -74,8 +77,7 @@ def __getattr__(name: str) -> Any:
     elif name in _MODULES:
         value = import_module(f"swingid.{name}")
     elif name in _HOMES:
-        home, _, there = _HOMES[name].partition(":")
-        value = getattr(import_module(home), there or name)
+        value = getattr(import_module(_HOMES[name]), _THERE.get(name, name))
     else:
         raise AttributeError(f"module 'swingid' has no attribute {name!r}")
     globals()[name] = value

@@ -82,7 +82,7 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
     seen = friction_windows(signals, searched)
     torque, before = first_torque(signals, seen.rows, equation), np.zeros(0)
     for _ in range(PASSES):
-        levels = dry_levels(signals, seen)
+        levels = dry_levels(signals, seen.value)
         late = late_reversals(signals, torque, abs(seen.a11), noise, levels)
         corrected = signals.earlier(late)
         rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}

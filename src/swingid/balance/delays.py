@@ -10,7 +10,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from swingid.balance.fits import NamedFit
 from swingid.balance.rows import Signals
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import gauss_rule
@@ -29,11 +28,14 @@ FARTHEST = 0.25
 """Delay, in half-widths of the cubic, beyond which this theory is not valid: the axis may rest as well."""
 
 
-def dry_levels(signals: Signals, fit: NamedFit) -> Array:
-    """Dry friction of the further terms at each turning point (N m or N), half of its jump there, by a fit."""
+def dry_levels(signals: Signals, value: Callable[[str], float]) -> Array:
+    """Dry friction of the further terms at each turning point (N m or N), half of its jump there.
+
+    value: of a coefficient by its name.
+    """
     angles = signals.motion.turning_angles
     dry = [term for term in signals.further if term.term.is_dry]
-    return sum((fit.value(term.name) * term.term.of_angle(angles, *term.at) for term in dry), np.zeros(len(angles)))
+    return sum((value(term.name) * term.term.of_angle(angles, *term.at) for term in dry), np.zeros(len(angles)))
 
 
 def late_reversals(

@@ -35,6 +35,9 @@ IMPULSES = ("memory", "memory_equal")
 """Impulses at the reversals: by a way over which friction keeps its direction, and what is the same at each of them
 beyond that (bristles' damping, a late turning point)."""
 
+TIMING = "timing of the turning points"
+"""Source of uncertainty by an impulse that is no unknown."""
+
 VARIED = 0.1
 """Standard deviation of the weights of the reversals from which on the two can be told apart."""
 

@@ -40,9 +40,9 @@ INSIDE = (0.44, 0.5, 0.56)
 class Block:
     """Rows of the balance around one turning point at `time` (s): columns (n, p), target (n,).
 
-    unknowns: "inertia" first; "memory" is only estimated where it is significant. side: +1 upper, −1 lower. windows: of
-    momentum, for the noise that neighbours share. declared: from values of the unknowns to what rig.toml declares as
-    uncertain, as perturbations of the target.
+    unknowns: "inertia" first; "memory" is only estimated where `impulse_found` says so. side: +1 upper, −1 lower.
+    windows: of momentum, for the noise that neighbours share, and signals, for the impulse at reversals. declared: from
+    values of the unknowns to what rig.toml declares as uncertain, as perturbations of the target.
     """
 
     time: float
@@ -51,6 +51,7 @@ class Block:
     columns: Array
     target: Array
     windows: Windows | None
+    signals: Signals | None
     declared: Callable[[Array], list[RowError]]
 
 
@@ -73,7 +74,7 @@ def momentum_block(
         return errors_of(rows, signals, rig, equation, found)
 
     turning, side = float(motion.turning_times[at]), float(motion.sides[at])
-    return Block(turning, side, unknowns, columns, known_side(rows, equation), rows.windows, declared)
+    return Block(turning, side, unknowns, columns, known_side(rows, equation), rows.windows, signals, declared)
 
 
 def _windows(motion: Motion, at: int) -> Windows:
@@ -108,4 +109,4 @@ def energy_block(
         return [replace(item, rows=rows.within(item.rows)) for item in found]
 
     columns, target = rows.within(columns.T).T, rows.within(known_side(rows, equation))
-    return Block(turning, float(motion.sides[at]), unknowns, columns, target, None, declared)
+    return Block(turning, float(motion.sides[at]), unknowns, columns, target, None, None, declared)

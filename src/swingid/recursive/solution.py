@@ -12,8 +12,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from swingid.balance.delays import dry_levels, late_reversals
+from swingid.balance.fits import BASIS
+from swingid.balance.friction_laws import Law
 from swingid.balance.perturbations import RowError, propagated
-from swingid.balance.rows import Windows
+from swingid.balance.reversals import TIMING, Impulse, impulse_found, impulses_expected
+from swingid.balance.rows import Signals, Windows
 from swingid.format import number
 from swingid.model.equation import Equation
 from swingid.model.terms import units_on
@@ -22,12 +26,11 @@ from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import curvature_overlap
 from swingid.preparation.noise import Noise
 from swingid.recursive.blocks import Block
-from swingid.uncertainty.budget import BudgetEntry, Parameter, Scatter, evaluate
+from swingid.uncertainty.budget import BudgetEntry, Parameter, Scatter, evaluate, systematic
 from swingid.uncertainty.freedom import bartlett, effective_freedom, lag_weights_power
-from swingid.uncertainty.significance import DETECTED
 
 MEMORY = "memory"
-"""The unknown that is estimated only where it is significant: an impulse of friction at each reversal."""
+"""The unknown that is estimated only where `impulse_found` says so: an impulse of friction at each reversal."""
 
 SPARE = 3
 """Swings beyond the number of unknowns from which their scatter gives an uncertainty."""
@@ -40,12 +43,16 @@ PLAIN = ("gravity_torque", "coulomb", "viscous", "quadratic")
 
 @dataclass(frozen=True)
 class Solution:
-    """Values of the unknowns (p,), inverse (p, p) of X'X, type A covariance (None: too few swings) and its freedom."""
+    """Values of the unknowns (p,), inverse (p, p) of X'X, type A covariance (None: too few swings) and its freedom.
+
+    timing (p,): standard uncertainty of each by an impulse at reversals that is left out.
+    """
 
     values: Array
     inverse: Array
     covariance: Array | None
     freedom: float
+    timing: Array | None = None
 
 
 @dataclass
@@ -102,16 +109,28 @@ class Recursion:
         self.swings += 1
 
     def solution(self) -> Solution:
-        """The solution with an impulse at reversals where it is significant, as in `momentum`; else the one without."""
-        plain = self._solve(_plain(self.unknowns))
-        if MEMORY not in self.unknowns:
+        """The solution with an impulse at reversals by the rule of `impulse_found`, as in `momentum`."""
+        plain, block = self._solve(_plain(self.unknowns)), self._before
+        if block is None or block.signals is None or plain.covariance is None:
             return plain
         full, k = self._solve(np.ones(len(self.unknowns), bool)), self.unknowns.index(MEMORY)
-        if full.covariance is None:
-            return plain
-        variance = float(full.covariance[k, k])
         # of rounding errors alone, as with exact data, the variance may be below 0
-        return full if variance > 0 and abs(full.values[k]) > DETECTED * np.sqrt(variance) else plain
+        spread = 0.0 if full.covariance is None else math.sqrt(max(float(full.covariance[k, k]), 0.0))
+        if spread == 0.0:
+            return plain
+        impulse = self._impulse(block.signals, plain.values, (float(full.values[k]), spread))
+        if impulse.terms:
+            return full
+        return replace(plain, timing=np.abs(plain.inverse @ self._gram[:, k]) * impulse.left)
+
+    def _impulse(self, signals: Signals, values: Array, found: tuple[float, float]) -> Impulse:
+        """Whether the impulse `found` (value, standard uncertainty) is an unknown; values: of the plain solution."""
+        known = dict(zip(self.unknowns, values.tolist(), strict=True))
+        torque = Law("", BASIS, np.array([known[name] for name in BASIS]), np.nan).torque
+        levels = dry_levels(signals, lambda name: known.get(name, 0.0))
+        late = late_reversals(signals, torque, abs(known["inertia"]), self.noise, levels)
+        expected = impulses_expected(signals.motion, late, torque, levels)
+        return impulse_found(self.equation, signals.motion, found, expected, known["coulomb"])
 
     def _solve(self, sought: Bools) -> Solution:
         """The solution for the unknowns `sought`, the others 0."""
@@ -225,7 +244,9 @@ class Reporter:
             freedom = np.full(len(at), solution.freedom)
             scattered = Scatter(SCATTER, solution.covariance[np.ix_(at, at)], freedom)
         declared = propagated(recursion.errors.values(), solution.inverse[at])
-        found = evaluate(values, scattered, (), declared, () if known else values, self.relative)
+        timing = np.zeros(len(at)) if solution.timing is None else solution.timing[at]
+        common = [(systematic(TIMING), name, float(u)) for name, u in zip(names, timing, strict=True)]
+        found = evaluate(values, scattered, common, declared, () if known else values, self.relative)
         # the inertia of one swing, less the friction of all swings
         own = block.columns[:, 0]
         left = block.target - block.columns[:, 1:] @ solution.values[1:]

@@ -44,7 +44,7 @@ def online(samples: Iterable[object] | Recording, rig: Rig, method: str = "momen
     "momentum" or "energy". Stores two swings of rows and sums of fixed size at any length.
 
     Unlike `identify` it uses every swing, also those of the transient, and its uncertainty contains only the scatter of
-    the swings and what rig.toml declares: for the record, identify the log.
+    the swings, the timing of the turning points and what rig.toml declares: for the record, identify the log.
 
     Raises UsageError for another method, InputError for samples that are no rows or a wheel of the wrong sign,
     UnanswerableError where the stream ends without enough swings.

@@ -18,7 +18,7 @@ from swingid.balance.delays import dry_friction, dry_levels, late_reversals
 from swingid.balance.fits import columns_of
 from swingid.balance.friction_laws import EXACT, KNOTS, Law, speed_knots
 from swingid.balance.law_choice import LawChoice, slowest_peak
-from swingid.balance.reversals import impulse_found, impulses_expected
+from swingid.balance.reversals import TIMING, impulse_found, impulses_expected
 from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import AT_LEAST, Cutoff
@@ -83,7 +83,7 @@ class Selection:
         found["choice of the friction law"] = self.between_laws
         if "memory" not in self.chosen.unknowns:
             effect = float(self.chosen.fit.influence[0] @ self.memory)
-            found["timing of the turning points"] = abs(effect) * self.impulse
+            found[TIMING] = abs(effect) * self.impulse
         # the cut-offs have the same noise and lack of fit, so their differences are one error
         apart = [self.chosen.contradicted(other) for other in self.cutoffs.values()]
         found |= {"drift with the cut-off": max(apart, default=0.0), CONFLICT: self.conflict}
@@ -104,7 +104,7 @@ def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bo
     part = part.earlier(late)
     plain = fit_rows(part, row_filter, law.unknowns, law, lag)
     memory = fit_rows(part, row_filter, (*law.unknowns, "memory"), law, plain.lag)
-    levels = dry_levels(part.signals, plain)
+    levels = dry_levels(part.signals, plain.value)
     found = memory.value("memory"), memory.spread("memory")
     expected = impulses_expected(part.motion, late, law.torque, levels)
     more, impulse = impulse_found(part.equation, part.motion, found, expected, dry_friction(law.torque, levels))
@@ -164,7 +164,7 @@ def _law(part: OnGrid, row_filter: RowFilter, given: str | None) -> tuple[Law, W
         choice = LawChoice.of(body[used] * root[:, None], friction, first.known[used] * root, knots, slowest)
         likely = _possible(moved, row_filter, choice)
         law = likely[0][0] if given is None else choice.only(given).best.law
-        levels = dry_levels(part.signals, first)
+        levels = dry_levels(part.signals, first.value)
         before, late = late, late_reversals(part.signals, law.torque, abs(first.a11), part.noise, levels)
         if np.max(np.abs(late - before)) <= SETTLED * np.max(np.abs(late)):
             break

@@ -17,7 +17,7 @@ from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, wi
 from swingid.balance.friction import FrictionLaw
 from swingid.balance.friction_laws import parameter_weights
 from swingid.balance.level import wandering, with_bias
-from swingid.balance.reversals import IMPULSES
+from swingid.balance.reversals import IMPULSES, TIMING
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.systematics import (
     COMPARED,
@@ -141,7 +141,7 @@ def _estimate(evidence: Evidence) -> _Estimate:
             others[name] = replace(fit, covariance=covariance)
     common = {
         "place of the encoder's grid": grid_spread(signals, law, "inertia"),
-        "timing of the turning points": timing_spread(law, evidence.choice.impulse),
+        TIMING: timing_spread(law, evidence.choice.impulse),
         "drift with the length of the windows": drift_with_length(law, evidence.choice.tried, signals),
     }
     common |= entries(evidence, law.u, own=True)

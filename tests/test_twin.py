@@ -58,6 +58,11 @@ def test_channels_by_drive():
     assert wheel.reference == pytest.approx(sine(0.8, 8.5)(wheel.time))
 
 
+def test_a_reference_in_words_is_the_function_that_it_names():
+    words, function = (simulate(paper_rig(), one, duration=0.5) for one in ("sine 0.8 rad 8.5 rad/s", sine(0.8, 8.5)))
+    assert np.array_equal(words.angle, function.angle)
+
+
 def test_a_direct_drive_follows_a_reference():
     rig = direct_rig("coulomb")
     controller = Compensator(delta0=0.02, sigma0=1e4, lambda0=0.2, k_tilde_max=0.3, plant_sign=1)
@@ -128,6 +133,8 @@ def test_truth_can_be_had_at_any_instants():
         (paper_rig(), {"duration": 0.1, "drive": np.zeros(101), "reference": sine(1.0, 1.0)}, "not both"),
         (paper_rig(), {"duration": 0.1, "controller": warm_compensator(paper_rig())}, "reference"),
         (paper_rig(), {"duration": 0.1, "reference": lambda t: 0.0}, "reference"),
+        (paper_rig(), {"duration": 0.1, "reference": "sinus 1 rad"}, "sine 0.8 rad 8.5 rad/s"),
+        (paper_rig(), {"duration": 0.1, "reference": 1.0}, "function of times"),
         (free_rig(), {"duration": 0.1, "reference": sine(1.0, 1.0)}, "no drive"),
         (free_rig(), {"duration": 0.1, "drive": np.zeros(101)}, "no drive"),
     ],

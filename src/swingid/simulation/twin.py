@@ -14,6 +14,7 @@ import numpy as np
 from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references.base import require_axis
+from swingid.control.references.parse import reference_for
 from swingid.errors import UsageError
 from swingid.model.integrator import Q1, Q2, STATES, STEP_KERNEL, V1, V2, Z
 from swingid.model.motion import ADVANCE_KERNEL, EVENTS, GUARDED, STEPS
@@ -73,7 +74,7 @@ class Setup:
     """One run: the arguments of `simulate`."""
 
     rig: Rig
-    reference: Reference | None = None
+    reference: Reference | str | None = None
     controller: Controller | None = None
     _: KW_ONLY
     duration: float
@@ -111,8 +112,12 @@ class Setup:
             if self.controller is not None:
                 raise UsageError("a controller needs a reference to follow; give one", code="no-reference")
             return np.zeros(len(times)), True
-        require_axis(reference, rig.axis.kind)
-        wanted = np.asarray(reference(times), dtype=np.float64)
+        follow: object = reference_for(reference, rig) if isinstance(reference, str) else reference
+        if not callable(follow):
+            text = 'the reference must be a function of times, or words such as "sine 0.8 rad 8.5 rad/s"'
+            raise UsageError(text, code="bad-reference")
+        require_axis(follow, rig.axis.kind)
+        wanted = np.asarray(follow(times), dtype=np.float64)
         if wanted.shape != times.shape or not np.isfinite(wanted).all():
             raise UsageError("the reference must give one finite number per instant", code="bad-reference")
         return wanted, False
@@ -152,7 +157,7 @@ class Setup:
 
 def simulate(
     rig: Rig,
-    reference: Reference | None = None,
+    reference: Reference | str | None = None,
     controller: Controller | None = None,
     *,
     duration: float,
@@ -167,13 +172,13 @@ def simulate(
 ) -> Recording:
     """What the rig would log in `duration` (s) at `rate` (1/s): rows at 0, 1/rate, ..., duration.
 
-    With a `reference` (a function of times (s), giving rad) the `controller` moves the rig, by default the
-    compensator with the gains of the paper's experiment. With `drive`, an array of one command per row (V;
-    direct drive N m), the loop is open. With neither the command is zero: a free decay from `initial_angle`
-    (rad or m) and `initial_speed`. `push`: torque on the axis from outside, as of a hand, one value per row that is
-    held to the next (N m or N). The encoders of `rig.sensors` always apply, drawn by `seed`; with `draw` so are all
-    constants with a stated uncertainty, so that the rig is one of those its file allows. `encoder_zero` (rad): what the
-    encoders of axis and wheel read at angle 0.
+    With a `reference` (a function of times (s), giving rad, or words such as "sine 0.8 rad 8.5 rad/s") the
+    `controller` moves the rig, by default the compensator with the gains of the paper's experiment. With `drive`, an
+    array of one command per row (V; direct drive N m), the loop is open. With neither the command is zero: a free decay
+    from `initial_angle` (rad or m) and `initial_speed`. `push`: torque on the axis from outside, as of a hand, one
+    value per row that is held to the next (N m or N). The encoders of `rig.sensors` always apply, drawn by `seed`; with
+    `draw` so are all constants with a stated uncertainty, so that the rig is one of those its file allows.
+    `encoder_zero` (rad): what the encoders of axis and wheel read at angle 0.
 
     The true values are in `Recording.truth`; no method reads them. `simulate_run` gives the true motion, too.
 

@@ -56,7 +56,7 @@ sphinx_gallery_conf = {
 }
 
 ORDER = (
-    *("own_rig", "weigh_a_body", "compare_methods", "calibrate_encoders", "design", "campaign", "live"),
+    *("own_rig", "phone", "video", "weigh_a_body", "compare_methods", "calibrate_encoders", "design", "campaign", "live"),
     "class_exercise",
 )
 

@@ -1,4 +1,4 @@
-"""What docs/protocol.md holds, read for its tests; the blocks between its marks, which running this file renews."""
+"""What docs/protocol.md and the two pages beside it hold, read for its tests; the blocks between its marks, which running this file renews."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from swingid.live.guard import CONTROLLER, Readings, parameters_of
 from swingid.live.machine import OUTPUT_ROOM, Machine, single
 from swingid.live.schema import schema
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "protocol.md"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGES = tuple(DOCS / name for name in ("protocol.md", "protocol-device.md", "protocol-session.md"))
 MARKS = re.compile(r"(?<=^<!-- protocol: )(\w+)( -->\n).*?(?=^<!-- end -->)", re.M | re.S)
 TYPES = {"B": "u8", "H": "u16", "I": "u32", "i": "i32", "f": "f32", "d": "f64"}
 HEX_PER_LINE = 32
@@ -30,8 +31,8 @@ SESSION_PARAMETERS = parameters_of(Compensator(**{**vars(LAW), "k_tilde0": 1.0})
 
 
 def page() -> str:
-    """The page as it is."""
-    return PAGE.read_text(encoding="utf-8")
+    """The pages as they are, one after the other."""
+    return "\n".join(path.read_text(encoding="utf-8") for path in PAGES)
 
 
 def tables(heading: str) -> list[list[list[str]]]:
@@ -64,7 +65,7 @@ def namespace() -> dict[str, Any]:
     names |= {row["flag"]: 1 << int(row["bit"]) for row in table("Flags", "bit")}
     names |= {"RATE": BOARD.rate, "PERIOD": 1e6 / BOARD.rate, "BOARD_LIMIT": BOARD.voltage_limit}
     names |= {"f32": single, "send": _send, "trip": _trip}
-    exec(compile(sections(), str(PAGE), "exec"), names)
+    exec(compile(sections(), str(PAGES[0]), "exec"), names)
     return names
 
 
@@ -304,4 +305,5 @@ def shown(name: str) -> str:
 
 if __name__ == "__main__":
     np.seterr(all="raise")
-    PAGE.write_text(renewed(page()), encoding="utf-8")
+    for path in PAGES:
+        path.write_text(renewed(path.read_text(encoding="utf-8")), encoding="utf-8")

@@ -110,7 +110,7 @@ def run(device: ForeignDevice, out: Path, seconds: float = SECONDS) -> Outcome:
 
 
 def session_of_the_page() -> Iterator[tuple[str, str]]:
-    page = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "protocol-session.md").read_text(encoding="utf-8")
     text = page.split("<!-- protocol: session -->")[1].split("```")[1].split("\n", 1)[1]
     for part in re.split(r"^(?=[=><] )", text, flags=re.MULTILINE):
         if part:
@@ -138,7 +138,7 @@ def test_the_device_answers_the_session_of_the_page_to_the_byte() -> None:
 def test_its_law_gives_the_numbers_of_the_page() -> None:
     from foreign_law import Law
 
-    page = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "protocol-device.md").read_text(encoding="utf-8")
     part = page.split("<!-- protocol: control -->")[1].split("<!-- end -->")[0]
     tables = re.findall(r"places 17 to \d+: `(.*?)`(.*?)(?=\nn = |\Z)", part, re.DOTALL)
     assert len(tables) == 2

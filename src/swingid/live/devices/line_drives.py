@@ -163,7 +163,7 @@ class SimpleFoc(LineDrive):
         said = self._ask("W", PATIENCE)
         if said is None or not said.isdecimal() or not 0 < int(said) <= round(1000 * WATCHDOG):
             text = f"{address}: the sketch answers {said!r} to W, which must be the ms of its watchdog, 100 at most"
-            raise DeviceError(f"{text}; docs/live.md has its two commands", code="no-watchdog")
+            raise DeviceError(f"{text}; docs/porting.md has its two commands", code="no-watchdog")
 
     def _read(self) -> Readings:
         angles = self._numbers("A", 2)

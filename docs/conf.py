@@ -56,8 +56,8 @@ sphinx_gallery_conf = {
 }
 
 ORDER = (
-    *("own_rig", "phone", "video", "weigh_a_body", "compare_methods", "calibrate_encoders", "design", "campaign", "live"),
-    "class_exercise",
+    *("own_rig", "phone", "video", "weigh_a_body", "compare_methods", "calibrate_encoders"),
+    *("design", "campaign", "live", "class_exercise"),
 )
 
 

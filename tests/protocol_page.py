@@ -1,4 +1,7 @@
-"""What docs/protocol.md and the two pages beside it hold, read for its tests; the blocks between its marks, which running this file renews."""
+"""What docs/protocol.md and the two pages beside it hold, read for its tests.
+
+Running this file renews the blocks between the pages' marks.
+"""
 
 from __future__ import annotations
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import hashlib
+import math
 import shutil
 import struct
 import subprocess
@@ -68,6 +69,7 @@ class CoreDevice:
             ctypes.c_uint32(board.wheel_counts),
             ctypes.c_float(board.voltage_limit),
             ctypes.c_uint32(board.firmware),
+            ctypes.c_float(0.0 if math.isinf(board.most_edges) else board.most_edges),
         )
         self.busy = False
 

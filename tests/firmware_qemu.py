@@ -14,7 +14,7 @@ import pytest
 from firmware_build import CORE, FIRMWARE, FLAGS, folder
 from swingid.live.guard import Readings
 
-HAL = FIRMWARE / "hal" / "qemu"
+HAL, CORTEX = FIRMWARE / "hal" / "qemu", FIRMWARE / "hal" / "cortex"
 MACHINES = {
     "mps2-an385": ("-mcpu=cortex-m3",),
     "mps2-an500": ("-mcpu=cortex-m7", "-mfloat-abi=hard", "-mfpu=fpv5-d16"),
@@ -31,10 +31,10 @@ def image(machine: str) -> Path:
         pytest.skip(f"{', '.join(MISSING)} not on PATH ({INSTALL}), which executing for {machine} needs")
     target = folder() / f"{machine}.elf"
     defines = ["-DFIRMWARE=77", "-DTICK_RATE=10000"]
-    runtime = ["-ffreestanding", "-nostartfiles", "--specs=nano.specs", "--specs=nosys.specs"]
+    runtime = ["-ffreestanding", "-fno-builtin", "-nostdlib", f"-I{CORTEX}", f"-L{CORTEX}"]
     sources = [*sorted(CORE.glob("*.c")), HAL / "main.c"]
     command = ["arm-none-eabi-gcc", "-mthumb", *MACHINES[machine], *FLAGS, *runtime, *defines, f"-I{CORE}"]
-    command += [*map(str, sources), "-T", str(HAL / "memory.ld"), "-o", str(target)]
+    command += [*map(str, sources), "-T", str(HAL / "memory.ld"), "-lgcc", "-o", str(target)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return target

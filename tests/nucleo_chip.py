@@ -21,7 +21,7 @@ from swingid.live.guard import Readings
 RCC, PWR, FLASH, IWDG = 0x40023800, 0x40007000, 0x40023C00, 0x40003000
 GPIOA, GPIOB, GPIOC = 0x40020000, 0x40020400, 0x40020800
 TIM1, TIM2, TIM6, SPI1, USART2 = 0x40010000, 0x40000000, 0x40001000, 0x40013000, 0x40004400
-DMA1 = 0x40026000
+DMA1, SYSTEM, CPACR = 0x40026000, 0xE000_E000, 0xE000_ED88
 FROM_HOST, TO_HOST = DMA1 + 0x10 + 5 * 0x18, DMA1 + 0x10 + 6 * 0x18
 RESET_VALUES = {RCC: 0x83, RCC + 4: 0x24003010, PWR: 0xC000, GPIOA: 0xA8000000}
 CLOCKED = {
@@ -110,6 +110,7 @@ class Chip:
         self.cpu.mem_map(0x0800_0000, 1 << 19, unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC)
         self.cpu.mem_map(0x2000_0000, 1 << 17)
         self.cpu.mmio_map(0x4000_0000, 0x27000, self._read, 0x4000_0000, self._write, 0x4000_0000)
+        self.cpu.mmio_map(SYSTEM, 0x1000, self._read, SYSTEM, self._write, SYSTEM)
         self.cpu.mem_write(0x0800_0000, self.image)
         self.vectors = struct.unpack("<16I", self.image[:64])
         self._waiting: deque[int] = deque()

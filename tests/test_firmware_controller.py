@@ -77,6 +77,13 @@ def random_controller(rng: np.random.Generator) -> Compensator:
     )
 
 
+def steps(order: int) -> Compensator:
+    """The paper's controller with a chain of so many filters; its gains cost what others cost."""
+    alpha = np.polynomial.polynomial.polyfromroots([-1.0 - i for i in range(order)])
+    k = np.polynomial.polynomial.polyfromroots([-2.0 - i for i in range(order)])[:-1]
+    return replace(PAPER, alpha=tuple(alpha[::-1]), k=tuple(k), k_tilde0=30.0)
+
+
 def compare(rng: np.random.Generator, runs: int, steps: int) -> None:
     for _ in range(runs):
         controller = random_controller(rng)

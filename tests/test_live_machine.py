@@ -26,8 +26,9 @@ from live_host import (
 )
 from swingid.control.compensator import Compensator
 from swingid.live.codes import FaultCode, Flag, Mode, State, Status, StopMode
+from swingid.live.ends import refusal_words
 from swingid.live.frames import encode, unwrap
-from swingid.live.guard import VOLTAGE_LIMIT, Readings, parameters_of
+from swingid.live.guard import VOLTAGE_LIMIT, WHEEL_SPEED_LIMIT, WHEEL_STEP, Readings, parameters_of
 from swingid.live.machine import Machine
 from swingid.live.schema import schema
 
@@ -202,6 +203,19 @@ def test_parameters_that_a_device_does_not_run_with(driver: Driver, place: int, 
     driver.tell(parameter_frames(parameters) + arm_frame(parameters))
     assert driver.last("Ack").status == status
     assert driver.last("Ack").state == State.IDLE
+
+
+@pytest.mark.parametrize("device", [Machine, CoreDevice], ids=["python", "c"])
+@pytest.mark.parametrize("share", [0.5, 1.0, 1.001, math.inf])
+def test_a_wheel_that_turns_faster_than_the_board_counts_is_refused_by_name(device: Any, share: float) -> None:
+    """A Teensy 4 follows 880 000 edges a second (firmware/README.md), a Uno 29 000 if it had doubles."""
+    driver = Driver(device(replace(BOARD, most_edges=8e5)))
+    parameters = PARAMETERS.copy()
+    parameters[WHEEL_SPEED_LIMIT] = share * 8e5 * abs(parameters[WHEEL_STEP])
+    driver.tick()
+    driver.tell(parameter_frames(parameters) + arm_frame(parameters))
+    assert driver.last("Ack").status == (Status.DONE if share <= 1.0 else Status.TOO_FAST)
+    assert "wheel_speed_limit" in refusal_words(Status.TOO_FAST)
 
 
 def test_parameters_of_somebody_else_are_refused(driver: Driver) -> None:

@@ -5,34 +5,46 @@
 
 typedef char needs_doubles_of_64_bits[sizeof(double) == 8 ? 1 : -1];
 
-typedef double matrix[SWINGID_MOST_ORDER][SWINGID_MOST_ORDER];
+/* What the chain of filters is computed in, see compensator.h. */
+#ifdef SWINGID_SINGLE
+typedef float real;
+#else
+typedef double real;
+#endif
 
-static const double log2e = 1.4426950408889634;
-static const double ln2_high = 6.93147180369123816490e-01;
-static const double ln2_low = 1.90821492927058770002e-10;
+typedef real matrix[SWINGID_MOST_ORDER][SWINGID_MOST_ORDER];
 
-static double size_of(double x) { return x < 0.0 ? -x : x; }
+static const real half = (real)0.5;
+static const real log2e = (real)1.4426950408889634;
+static const real ln2_high = (real)6.93147180369123816490e-01;
+static const real ln2_low = (real)1.90821492927058770002e-10;
 
-double swingid_decay(double x) {
-    double r, p;
-    int n;
-    if (!(x > 0.0)) return 1.0;
-    if (x > 708.0) return 0.0;
-    n = (int)(x * log2e + 0.5);
+static real size_of(real x) { return x < 0 ? -x : x; }
+
+/* exp(-x) for x >= 0. */
+static real decay(real x) {
+    static const real series[] = {1.0 / 2,     1.0 / 6,      1.0 / 24,      1.0 / 120,      1.0 / 720,       1.0 / 5040,
+                                  1.0 / 40320, 1.0 / 362880, 1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600,
+                                  1.0 / 6227020800};
+    int place = sizeof series / sizeof series[0] - 1, n;
+    real r, p;
+    if (!(x > 0)) return 1;
+    if (x > 708) return 0;
+    n = (int)(x * log2e + half);
     r = (n * ln2_high - x) + n * ln2_low;
-    p = 1.0 / 39916800 + r * (1.0 / 479001600 + r * (1.0 / 6227020800));
-    p = 1.0 / 5040 + r * (1.0 / 40320 + r * (1.0 / 362880 + r * (1.0 / 3628800 + r * p)));
-    p = 1.0 / 2 + r * (1.0 / 6 + r * (1.0 / 24 + r * (1.0 / 120 + r * (1.0 / 720 + r * p))));
-    p = 1.0 + (r + r * r * p);
-    for (; n > 0; n--) p *= 0.5;
+    for (p = series[place]; place > 0;) p = series[--place] + r * p;
+    p = 1 + (r + r * r * p);
+    for (; n > 0; n--) p *= half;
     return p;
 }
 
+double swingid_decay(double x) { return decay((real)x); }
+
 /* c = factor a b, of n rows and columns; c is neither a nor b. */
-static void multiply(matrix c, matrix a, matrix b, double factor, int n) {
+static void multiply(matrix c, matrix a, matrix b, real factor, int n) {
     for (int i = 0; i < n; i++) {
         for (int j = 0; j < n; j++) {
-            c[i][j] = 0.0;
+            c[i][j] = 0;
             for (int m = 0; m < n; m++) c[i][j] += factor * a[i][m] * b[m][j];
         }
     }
@@ -47,43 +59,43 @@ static void copy(matrix to, matrix from, int n) {
 /* Exponential of a small stable matrix, by scaling and squaring of a Taylor polynomial. */
 static void exponential(matrix result, matrix a, int n) {
     matrix product;
-    double size = 0.0, scale = 1.0;
+    real size = 0, scale = 1;
     int squarings = 0;
     for (int i = 0; i < n; i++) {
-        double row = 0.0;
+        real row = 0;
         for (int j = 0; j < n; j++) row += size_of(a[i][j]);
         if (row > size) size = row;
     }
-    while (size > 0.5 && squarings < MOST_SQUARINGS) {
-        size *= 0.5;
-        scale *= 0.5;
+    while (size > half && squarings < MOST_SQUARINGS) {
+        size *= half;
+        scale *= half;
         squarings++;
     }
     for (int i = 0; i < n; i++) {
-        for (int j = 0; j < n; j++) result[i][j] = i == j ? 1.0 : 0.0;
+        for (int j = 0; j < n; j++) result[i][j] = i == j ? 1 : 0;
     }
     for (int term = TAYLOR_TERMS; term > 0; term--) {
         multiply(product, a, result, scale / term, n);
         copy(result, product, n);
-        for (int i = 0; i < n; i++) result[i][i] += 1.0;
+        for (int i = 0; i < n; i++) result[i][i] += 1;
     }
     for (; squarings > 0; squarings--) {
-        multiply(product, result, result, 1.0, n);
+        multiply(product, result, result, 1, n);
         copy(result, product, n);
     }
 }
 
 /* The chain (16) over one sample, the error e held; turn is the integral of sigma. */
-static void held_chain(double e, double *xi, double turn, const double *k, int n) {
+static void held_chain(real e, real *xi, real turn, const real *k, int n) {
     matrix companion, move;
-    double distance[SWINGID_MOST_ORDER];
+    real distance[SWINGID_MOST_ORDER];
     if (n == 0) return;
     if (n == 1) {
-        xi[0] = e + (xi[0] - e) * swingid_decay(k[0] * turn);
+        xi[0] = e + (xi[0] - e) * decay(k[0] * turn);
         return;
     }
     for (int i = 0; i < n; i++) {
-        for (int j = 0; j < n; j++) companion[i][j] = 0.0;
+        for (int j = 0; j < n; j++) companion[i][j] = 0;
     }
     for (int i = 0; i < n - 1; i++) companion[i][i + 1] = turn;
     for (int i = 0; i < n; i++) companion[n - 1][i] = -k[i] * turn;
@@ -91,38 +103,38 @@ static void held_chain(double e, double *xi, double turn, const double *k, int n
     for (int i = 0; i < n; i++) distance[i] = xi[i];
     distance[0] -= e;
     for (int i = 0; i < n; i++) {
-        xi[i] = 0.0;
+        xi[i] = 0;
         for (int j = 0; j < n; j++) xi[i] += move[i][j] * distance[j];
     }
     xi[0] += e;
 }
 
 /* alpha(p)(k xi_1) of (20), or k alpha(p) xi_1 of (15), at the start of a sample. */
-static double chain_output(double e, const double *xi, double k_tilde, double slope, double sigma0,
-                           const double *alpha, const double *k, int n, int differentiate_gain) {
-    double series[SWINGID_MOST_ORDER][SWINGID_MOST_ORDER + 1];
-    double sigma[3], output = 0.0, factorial = 1.0;
+static real chain_output(real e, const real *xi, real k_tilde, real slope, real sigma0, const real *alpha,
+                         const real *k, int n, int differentiate_gain) {
+    real series[SWINGID_MOST_ORDER][SWINGID_MOST_ORDER + 1];
+    real sigma[3], output = 0, factorial = 1;
     if (n == 0) return alpha[0] * k_tilde * e;
     if (n == 1) {
-        double rate = sigma0 * k_tilde * k_tilde * k[0] * (e - xi[0]);
-        double gain_term = differentiate_gain ? slope * xi[0] : 0.0;
+        real rate = sigma0 * k_tilde * k_tilde * k[0] * (e - xi[0]);
+        real gain_term = differentiate_gain ? slope * xi[0] : 0;
         return alpha[0] * (gain_term + k_tilde * rate) + alpha[1] * k_tilde * xi[0];
     }
     sigma[0] = sigma0 * k_tilde * k_tilde;
-    sigma[1] = 2.0 * sigma0 * k_tilde * slope;
+    sigma[1] = 2 * sigma0 * k_tilde * slope;
     sigma[2] = sigma0 * slope * slope;
     for (int j = 0; j < n; j++) {
         series[j][0] = xi[j];
-        for (int i = 1; i <= n; i++) series[j][i] = 0.0;
+        for (int i = 1; i <= n; i++) series[j][i] = 0;
     }
     for (int i = 0; i < n; i++) {
         for (int j = 0; j < n; j++) {
             for (int m = 0; m <= (i < 2 ? i : 2); m++) {
-                double drive;
+                real drive;
                 if (j < n - 1) {
                     drive = series[j + 1][i - m];
                 } else {
-                    drive = i == m ? k[0] * e : 0.0;
+                    drive = i == m ? k[0] * e : 0;
                     for (int col = 0; col < n; col++) drive -= k[col] * series[col][i - m];
                 }
                 series[j][i + 1] += sigma[m] * drive / (i + 1);
@@ -130,7 +142,7 @@ static double chain_output(double e, const double *xi, double k_tilde, double sl
         }
     }
     for (int power = 0; power <= n; power++) {
-        double value = k_tilde * series[0][power];
+        real value = k_tilde * series[0][power];
         if (power > 1) factorial *= power;
         if (differentiate_gain && power > 0) value += slope * series[0][power - 1];
         output += alpha[n - power] * factorial * value;
@@ -163,21 +175,25 @@ static double motor_compensation(double u2, double speed, const double *p) {
 double swingid_compensator_step(double reference, double angle, double wheel_angle, double *state, const double *p) {
     const int order = (int)p[SWINGID_ORDER];
     const double h = p[SWINGID_SAMPLE_TIME], limit = p[SWINGID_LIMIT];
-    const double *alpha = p + SWINGID_ALPHA, *k = p + SWINGID_ALPHA + order + 1;
-    double *xi = state + SWINGID_XI;
+    real alpha[SWINGID_MOST_ORDER + 1], k[SWINGID_MOST_ORDER], xi[SWINGID_MOST_ORDER];
     const double e = reference - angle;
     const double filtered = p[SWINGID_ERROR_DECAY] > 0.0 ? state[SWINGID_FILTERED_ERROR] : e;
     const double k_tilde = state[SWINGID_K_TILDE];
     double k_next = k_tilde, slope, output, u2, speed, u0, turn;
 
-    if (size_of(filtered) > p[SWINGID_DELTA0]) {
+    if ((filtered < 0.0 ? -filtered : filtered) > p[SWINGID_DELTA0]) {
         double grown = k_tilde + p[SWINGID_LAMBDA0] * h;
         if (p[SWINGID_K_TILDE_MAX] < grown) grown = p[SWINGID_K_TILDE_MAX];
         if (grown > k_tilde) k_next = grown;
     }
     slope = (k_next - k_tilde) / h;
 
-    output = chain_output(e, xi, k_tilde, slope, p[SWINGID_SIGMA0], alpha, k, order,
+    for (int i = 0; i <= order; i++) alpha[i] = (real)p[SWINGID_ALPHA + i];
+    for (int i = 0; i < order; i++) {
+        k[i] = (real)p[SWINGID_ALPHA + order + 1 + i];
+        xi[i] = (real)state[SWINGID_XI + i];
+    }
+    output = chain_output((real)e, xi, (real)k_tilde, (real)slope, (real)p[SWINGID_SIGMA0], alpha, k, order,
                           p[SWINGID_DIFFERENTIATE_GAIN] != 0.0);
     u2 = p[SWINGID_PLANT_SIGN] * output;
     speed = wheel_speed(wheel_angle, state, p);
@@ -185,7 +201,8 @@ double swingid_compensator_step(double reference, double angle, double wheel_ang
 
     /* k tilde is linear over the sample, so this is the exact integral of sigma = sigma0 k^2 (19). */
     turn = p[SWINGID_SIGMA0] * h * (k_tilde * k_tilde + k_tilde * k_next + k_next * k_next) / 3.0;
-    held_chain(e, xi, turn, k, order);
+    held_chain((real)e, xi, (real)turn, k, order);
+    for (int i = 0; i < order; i++) state[SWINGID_XI + i] = xi[i];
     state[SWINGID_FILTERED_ERROR] = e + (state[SWINGID_FILTERED_ERROR] - e) * p[SWINGID_ERROR_DECAY];
     state[SWINGID_K_TILDE] = k_next;
     if (u0 < -limit) return -limit;

@@ -2,6 +2,10 @@
  *
  * The same sums in the same order as src/swingid/control/law.py:compensator_step, so the same bits, if the compiler
  * fuses nothing (-ffp-contract=off) and double is IEEE 754 binary64. No heap, no libm.
+ *
+ * SWINGID_SINGLE: the chain of filters (16), which is nearly all that a sample costs from order 2 on, is computed in
+ * single precision, which the floating-point unit of a Cortex-M4 has; guard, gain, wheel and motor stay doubles. Its
+ * voltages are no longer those of the twin (firmware/README.md says by how much), so no image that is shipped has it.
  */
 #ifndef SWINGID_COMPENSATOR_H
 #define SWINGID_COMPENSATOR_H

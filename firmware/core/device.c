@@ -176,6 +176,7 @@ static uint8_t arm(swingid_device *device, const swingid_arm *frame) {
     if (device->parameters[SWINGID_VOLTAGE_LIMIT] > (double)device->config.voltage_limit) {
         return SWINGID_STATUS_OVER_LIMIT;
     }
+    if (!swingid_guard_counts(device->parameters, &device->config)) return SWINGID_STATUS_TOO_FAST;
     for (int i = 0; i < SWINGID_STATES; i++) device->controller[i] = 0.0;
     device->controller[SWINGID_K_TILDE] = device->parameters[SWINGID_START_GAIN];
     device->session = frame->session;

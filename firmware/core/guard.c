@@ -115,6 +115,11 @@ int swingid_guard_voltage(swingid_guard *guard, const swingid_config *config, co
     return (double)guard->saturated > p[SWINGID_SATURATED_SAMPLES] ? SWINGID_FAULTCODE_VOLTAGE : SWINGID_FAULTCODE_NONE;
 }
 
+int swingid_guard_counts(const double *p, const swingid_config *config) {
+    const double most = (double)config->most_edges;
+    return most == 0.0 || p[SWINGID_WHEEL_SPEED_LIMIT] <= most * size_of(p[SWINGID_WHEEL_STEP]);
+}
+
 /* Whether a number is whole and within bounds that an int32_t holds. */
 static int whole(double x, double least, double most) {
     return x >= least && x <= most && (double)(int64_t)x == x;

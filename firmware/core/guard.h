@@ -46,6 +46,7 @@ typedef struct {
     float voltage_limit;
     uint32_t firmware; /* hash of what runs */
     int most_order;    /* of a controller that it computes between two samples, 0 to SWINGID_MOST_ORDER */
+    float most_edges;  /* counts of the wheel a second that it can follow, 0 where no speed is too high */
 } swingid_config;
 
 typedef struct {
@@ -75,6 +76,9 @@ int swingid_guard_check(swingid_guard *guard, const swingid_inputs *inputs, cons
 /* Voltage within its limit: SWINGID_FAULTCODE_NONE or _VOLTAGE; `clamped` says whether it was changed. */
 int swingid_guard_voltage(swingid_guard *guard, const swingid_config *config, const double *parameters,
                           double *voltage, int *clamped, double *value);
+
+/* Whether the board follows the wheel's counts up to the speed at which the guard ends the run. */
+int swingid_guard_counts(const double *parameters, const swingid_config *config);
 
 /* Whether so many parameters can be run with at all. */
 int swingid_parameters_valid(const double *parameters, int count, const swingid_config *config);

@@ -6,7 +6,7 @@
 
 #include "device.h"
 
-static const swingid_config config = {1000.0f, 16384, 16384, 10.0f, 1, SWINGID_MOST_ORDER};
+static const swingid_config config = {1000.0f, 16384, 16384, 10.0f, 1, SWINGID_MOST_ORDER, 0};
 
 int main(int count, char **arguments) {
     static swingid_device device;

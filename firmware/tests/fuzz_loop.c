@@ -326,7 +326,7 @@ int main(int count, char **arguments) {
     random_state = 0x9E3779B97F4A7C15u ^ strtoull(arguments[1], NULL, 10) << 20;
     wanted_samples = strtoul(arguments[3], NULL, 10);
     for (; runs < strtoul(arguments[2], NULL, 10); runs++) {
-        const swingid_config one = {rates[draw(8)], 16384, 16384, 10.0f, 1, SWINGID_MOST_ORDER};
+        const swingid_config one = {rates[draw(8)], 16384, 16384, 10.0f, 1, SWINGID_MOST_ORDER, 0};
         board = one;
         samples = in = out = empty_at = born = heartbeat = driven = flooded = flooded_driven = tripped = 0;
         takes_since = 0;

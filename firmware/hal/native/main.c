@@ -209,7 +209,7 @@ static double number(int count, char **arguments, int *i) {
 }
 
 int main(int count, char **arguments) {
-    swingid_config config = {1000.0f, 16384, 16384, 10.0f, 0, SWINGID_MOST_ORDER};
+    swingid_config config = {1000.0f, 16384, 16384, 10.0f, 0, SWINGID_MOST_ORDER, 0};
     int pty = 0, tcp = -1, plant = -1, port;
     for (int i = 1; i < count; i++) {
         const char *option = arguments[i];

@@ -10,14 +10,13 @@
  * debugger's crystal, which the inertia found is only as good as: the internal oscillator is off by 1 % and more.
  * Without it the board does not start, and where it fails in a run the bridge is off and the watchdog resets the board.
  * Doubles and floats are computed without the processor's unit for floats, so that every bit is that of the other
- * builds of the core; tests/test_nucleo.py executes the image and counts what a sample costs.
+ * builds of the core (`make nucleo SINGLE=1` is the one that is not); tests/test_nucleo.py executes the image and counts
+ * what a sample costs.
  */
-#include <stddef.h>
-
 #include "encoders.h"
 #include "hal.h"
+#include "startup.h"
 
-#define REGISTER(address) (*(volatile uint32_t *)(address))
 #define RCC 0x40023800u
 #define PWR 0x40007000u
 #define FLASH 0x40023C00u
@@ -43,14 +42,20 @@
 #endif
 
 #define RATE 1000u
-#define MOST_ORDER 3      /* tests/test_nucleo.py: order 4 costs more than a sample has */
+#ifndef MOST_ORDER
+#ifdef SWINGID_SINGLE
+#define MOST_ORDER 4
+#else
+#define MOST_ORDER 3 /* tests/test_nucleo.py: order 4 costs more than a sample has */
+#endif
+#endif
 #define PWM_STEPS 9000u /* 20 kHz of 180 MHz */
 
 /* Looks at a register before what it waits for counts as missing. At 16 MHz that is 100 ms at least, which ST's own
  * library gives a clock to start; for a transfer of 6 us it is a thousandth of this. */
 #define PATIENCE 200000
 
-extern uint32_t data_start, data_end, data_load, bss_start, bss_end, stack_top, image_start, image_end;
+extern uint32_t image_start, image_end;
 
 typedef struct {
     uint32_t port, pin; /* that selects it */
@@ -271,13 +276,11 @@ static uint32_t image_hash(void) {
 }
 
 void reset(void) {
-    swingid_config config = {(float)RATE, 1u << AS5048A_BITS, 1u << AS5048A_BITS, VOLTAGE_LIMIT, 0, MOST_ORDER};
+    swingid_config config = {(float)RATE, 1u << AS5048A_BITS, 1u << AS5048A_BITS, VOLTAGE_LIMIT, 0, MOST_ORDER, 0};
     swingid_inputs first;
-    uint32_t *from = &data_load;
     bridge_off();
     watchdog();
-    for (uint32_t *to = &data_start; to < &data_end;) *to++ = *from++;
-    for (uint32_t *to = &bss_start; to < &bss_end;) *to++ = 0;
+    load_memory();
     clocks();
     config.firmware = image_hash();
     ports();
@@ -288,27 +291,4 @@ void reset(void) {
     hang();
 }
 
-typedef void (*handler)(void);
-
-__attribute__((section(".vectors"), used)) static const union {
-    uint32_t *stack;
-    handler call;
-} vectors[16] = {
-    [0] = {.stack = &stack_top}, [1] = {.call = reset}, [2] = {.call = hang},  [3] = {.call = hang},
-    [4] = {.call = hang},        [5] = {.call = hang},  [6] = {.call = hang},  [11] = {.call = hang},
-    [14] = {.call = hang},       [15] = {.call = hang},
-};
-
-/* Compilers put these in for copies. */
-void *memcpy(void *restrict to, const void *restrict from, size_t size) {
-    uint8_t *t = to;
-    const uint8_t *f = from;
-    while (size--) *t++ = *f++;
-    return to;
-}
-
-void *memset(void *to, int value, size_t size) {
-    uint8_t *t = to;
-    while (size--) *t++ = (uint8_t)value;
-    return to;
-}
+VECTORS vectors[16] = {CORE_VECTORS, [15] = {.call = hang}};

@@ -10,8 +10,8 @@
  * plant's, which waits while the board does.
  */
 #include "hal.h"
+#include "startup.h"
 
-#define REGISTER(address) (*(volatile uint32_t *)(address))
 #define LINK 0x40004000u
 #define PLANT 0x40005000u
 #define DATA 0x00u
@@ -21,7 +21,6 @@
 #define DIVIDER 0x10u
 #define NVIC 0xE000E100u
 #define SYSTICK 0xE000E010u
-#define CPACR 0xE000ED88u
 #define CLOCK 25000000u
 
 #define TOLD 24
@@ -47,8 +46,6 @@
 #ifndef TICK_RATE
 #define TICK_RATE RATE /* higher: a plant in lockstep may be faster than real time */
 #endif
-
-extern uint32_t data_start, data_end, data_load, bss_start, bss_end, stack_top;
 
 typedef struct {
     uint32_t uart;
@@ -176,11 +173,9 @@ static void uart(uint32_t base) {
 }
 
 void reset(void) {
-    static const swingid_config config = {(float)RATE, AXIS_COUNTS, WHEEL_COUNTS, (float)VOLTAGE_LIMIT, FIRMWARE, SWINGID_MOST_ORDER};
-    uint32_t *from = &data_load;
-    for (uint32_t *to = &data_start; to < &data_end;) *to++ = *from++;
-    for (uint32_t *to = &bss_start; to < &bss_end;) *to++ = 0;
-    REGISTER(CPACR) |= 15u << 20; /* floating-point unit, where there is one */
+    static const swingid_config config = {(float)RATE, AXIS_COUNTS, WHEEL_COUNTS, (float)VOLTAGE_LIMIT, FIRMWARE,
+                                          SWINGID_MOST_ORDER, 0};
+    load_memory();
     uart(LINK);
     uart(PLANT);
     REGISTER(NVIC) = 1u << 0 | 1u << 2; /* receivers of both */
@@ -191,14 +186,6 @@ void reset(void) {
     hang();
 }
 
-typedef void (*handler)(void);
-
-__attribute__((section(".vectors"), used)) static const union {
-    uint32_t *stack;
-    handler call;
-} vectors[16 + 3] = {
-    [0] = {.stack = &stack_top}, [1] = {.call = reset}, [2] = {.call = hang},  [3] = {.call = hang},
-    [4] = {.call = hang},        [5] = {.call = hang},  [6] = {.call = hang},  [11] = {.call = hang},
-    [14] = {.call = hang},       [15] = {.call = on_tick}, [16] = {.call = on_link},
-    [18] = {.call = on_plant},
+VECTORS vectors[16 + 3] = {
+    CORE_VECTORS, [15] = {.call = on_tick}, [16] = {.call = on_link}, [18] = {.call = on_plant},
 };

@@ -7,7 +7,8 @@ static swingid_device device;
 
 uint8_t sim_bytes[4096]; /* in and out */
 
-void sim_open(float rate, uint32_t axis_counts, uint32_t wheel_counts, float voltage_limit, uint32_t firmware) {
+void sim_open(float rate, uint32_t axis_counts, uint32_t wheel_counts, float voltage_limit, uint32_t firmware,
+              float most_edges) {
     swingid_config config;
     config.rate = rate;
     config.axis_counts = axis_counts;
@@ -15,6 +16,7 @@ void sim_open(float rate, uint32_t axis_counts, uint32_t wheel_counts, float vol
     config.voltage_limit = voltage_limit;
     config.firmware = firmware;
     config.most_order = SWINGID_MOST_ORDER;
+    config.most_edges = most_edges;
     swingid_init(&device, &config);
 }
 

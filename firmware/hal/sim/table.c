@@ -2,12 +2,13 @@
 #include <stdint.h>
 
 extern uint8_t sim_bytes[];
-void sim_open(float, uint32_t, uint32_t, float, uint32_t);
+void sim_open(float, uint32_t, uint32_t, float, uint32_t, float);
 void sim_receive(int);
 uint32_t sim_tick(uint32_t, int32_t, int32_t, uint32_t, int);
 int sim_output(void);
 void sim_steps(int, const double *, double *, const double *, double *, double *);
 
-__attribute__((section(".table"), used)) void *const sim_table[] = {
-    (void *)sim_open, (void *)sim_receive, (void *)sim_tick, (void *)sim_output, (void *)sim_steps, sim_bytes,
+__attribute__((section(".table"), used)) const uintptr_t sim_table[] = {
+    (uintptr_t)sim_open,   (uintptr_t)sim_receive, (uintptr_t)sim_tick,
+    (uintptr_t)sim_output, (uintptr_t)sim_steps,   (uintptr_t)sim_bytes,
 };

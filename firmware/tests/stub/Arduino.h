@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
+#define F_CPU 84000000
 enum { LOW, HIGH, OUTPUT, INPUT_PULLUP, CHANGE, MSBFIRST, SPI_MODE1 };
 void pinMode(int, int);
 void digitalWrite(int, int);

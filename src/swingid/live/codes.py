@@ -49,6 +49,7 @@ class Status(IntEnum):
     FULL = 7
     NO_REFERENCE = 8
     OVER_LIMIT = 9
+    TOO_FAST = 10
 
 
 class StopMode(IntEnum):

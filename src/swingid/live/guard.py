@@ -49,7 +49,8 @@ class Readings(NamedTuple):
 @dataclass(frozen=True)
 class Board:
     """A device before anybody has talked to it: samples per second (20 or more), counts per turn of both encoders, what
-    its amplifier gives at most (V), hash of its firmware, highest order of a controller that it computes in a sample.
+    its amplifier gives at most (V), hash of its firmware, highest order of a controller that it computes in a sample,
+    counts of the wheel per second that it follows.
     """
 
     rate: float = 1000.0
@@ -58,6 +59,7 @@ class Board:
     voltage_limit: float = 10.0
     firmware: int = 0
     most_order: int = MOST_ORDER
+    most_edges: float = math.inf
 
     @property
     def parameter_room(self) -> int:
@@ -176,6 +178,11 @@ def valid(p: Array, board: Board) -> bool:
         and all(0.0 <= controller[i] < 1.0 for i in (law.ERROR_DECAY, law.WHEEL_DECAY))
         and controller[law.LIMIT] > 0.0
     )
+
+
+def counts(p: Array, board: Board) -> bool:
+    """Whether a device follows the wheel's counts up to the speed at which its guard ends the run."""
+    return math.isinf(board.most_edges) or bool(p[WHEEL_SPEED_LIMIT] <= board.most_edges * abs(p[WHEEL_STEP]))
 
 
 def _change(now: int, before: int) -> int:

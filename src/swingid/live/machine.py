@@ -236,6 +236,8 @@ class Machine:
             return Status.BAD_PARAMETERS
         if parameters[at.VOLTAGE_LIMIT] > single(self.board.voltage_limit):
             return Status.OVER_LIMIT
+        if not at.counts(parameters, self.board):
+            return Status.TOO_FAST
         self._gains = parameters[at.CONTROLLER :]
         self.controller[:] = 0.0
         self.controller[law.K_TILDE] = parameters[at.START_GAIN]

@@ -4,7 +4,7 @@
 // Copy firmware/core/*.c, firmware/core/*.h and firmware/hal/encoders/encoders.h beside this file. The board needs
 // doubles of 64 bits (no AVR), and the compiler -ffp-contract=off (platform.local.txt: compiler.c.extra_flags=...).
 // board_watchdog.h has the watchdogs of Due, SAMD, ESP32, RP2040, Teensy 4 and STM32duino: a board that takes no
-// samples lets go of the motor.
+// samples lets go of the motor. board_speed.h says what each can compute and count; Arm refuses what is beyond it.
 #include <Arduino.h>
 #include <SPI.h>
 
@@ -25,7 +25,9 @@ static const uint32_t RATE = 500;           // samples per second
 static const uint32_t WHEEL_COUNTS = 8192;  // AMT103 at 2048 pulses per turn
 // --------------------
 
+#include "board_speed.h"
 #include "board_watchdog.h"
+#include "wheel.h"
 
 // Bytes written unasked where a core never tells its room: a sample's telemetry of 38 and half of another, which leaves
 // a line of 1 Mbaud empty again before the next sample.
@@ -46,19 +48,9 @@ static bool pwm_start() {
 static void pwm_write(int duty) { analogWrite(BRIDGE_PWM, duty); }
 #endif
 
-static volatile int32_t wheel;
-static volatile unsigned wheel_pins;
 static int32_t axis;
 static uint32_t due, fed;
 static bool tells_room;  // whether availableForWrite() ever was above 0: Arduino's own Print says 0 in cores without it
-
-static unsigned read_wheel_pins() { return (unsigned)digitalRead(WHEEL_A) << 1 | (unsigned)digitalRead(WHEEL_B); }
-
-static void on_wheel_edge() {
-    const unsigned now = read_wheel_pins();
-    wheel = wheel + quadrature_step(wheel_pins, now);
-    wheel_pins = now;
-}
 
 extern "C" int hal_wait(void) {
     while ((int32_t)(micros() - due) < 0) {
@@ -127,11 +119,7 @@ void setup() {
     hal_apply(0.0f, 0);
     pinMode(AXIS_SELECT, OUTPUT);
     digitalWrite(AXIS_SELECT, HIGH);
-    pinMode(WHEEL_A, INPUT_PULLUP);
-    pinMode(WHEEL_B, INPUT_PULLUP);
-    wheel_pins = read_wheel_pins();
-    attachInterrupt(digitalPinToInterrupt(WHEEL_A), on_wheel_edge, CHANGE);
-    attachInterrupt(digitalPinToInterrupt(WHEEL_B), on_wheel_edge, CHANGE);
+    wheel_start();
     SPI.begin();
     Serial.begin(1000000);
     watchdog_feed();
@@ -139,6 +127,6 @@ void setup() {
 }
 
 void loop() {
-    swingid_config config = {(float)RATE, 1u << AS5048A_BITS, WHEEL_COUNTS, VOLTAGE_LIMIT, 0, SWINGID_MOST_ORDER};
+    swingid_config config = {(float)RATE, 1u << AS5048A_BITS, WHEEL_COUNTS, VOLTAGE_LIMIT, 0, MOST_ORDER, most_edges()};
     swingid_loop(&config);
 }

@@ -133,5 +133,5 @@ REFUSALS = {
     Status.GAP: "it misses parts, which the link or its firmware loses",
     Status.NO_REFERENCE: "it has no reference",
     Status.OVER_LIMIT: "the voltage limit is above that of its amplifier; lower drive.motor.voltage_limit",
-    Status.TOO_FAST: "it can't count the wheel's edges up to device.wheel_speed_limit; lower that, or its counts per turn",
+    Status.TOO_FAST: "it can't count the wheel's edges up to device.wheel_speed_limit; lower that, or counts per turn",
 }

@@ -8,7 +8,8 @@ from swingid.balance.friction_laws import TERMS as OF_SPEED
 from swingid.model.energy import potential_energy
 from swingid.model.friction import static_curve
 from swingid.model.parameters import PLACES, SIZE, WHEEL_STATIC, B, vector
-from swingid.model.terms import MOTOR_KEYS, STRINGS, TERMS, units_on, words_of
+from swingid.model.shapes import STRINGS
+from swingid.model.terms import MOTOR_KEYS, TERMS, Term, units_on, words_of
 from swingid.report.words import RIG
 
 WITH_A_KEY = [name for name, term in TERMS.items() if term.key]
@@ -74,3 +75,8 @@ def test_the_motor_is_in_the_registry():
     assert MOTOR_KEYS == (
         "rotor_inertia", "gear_ratio", "torque_per_volt", "back_emf", "viscous", "coulomb", "efficiency",
     )  # fmt: skip
+
+
+def test_a_power_that_is_no_half_is_refused():
+    with pytest.raises(ValueError, match=r"power is 1\.25; give 0, 1/2"):
+        Term("x", "", "x", power=1.25, odd=True)

@@ -18,7 +18,7 @@ import numpy as np
 
 from swingid.balance.rows import Rows, Signals, Windows
 from swingid.errors import UsageError
-from swingid.model import terms
+from swingid.model import shapes, terms
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.test_functions import project_hats
 from swingid.result.data import FrictionCurve
@@ -26,7 +26,7 @@ from swingid.result.data import FrictionCurve
 TERMS: dict[str, Callable[[Array], Array]] = {
     name: term.of_speed
     for name, term in terms.TERMS.items()
-    if name in terms.NAMED and term.power is not None and term.kind == terms.ONE
+    if name in terms.NAMED and term.power is not None and term.kind == shapes.ONE
 }
 """The terms that are functions of the speed alone and have no parameter of their own."""
 

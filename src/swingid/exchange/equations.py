@@ -6,7 +6,7 @@ Dry friction is a torque against the sign of the speed, 0 at rest: a rig that st
 from __future__ import annotations
 
 from swingid.exchange.model import Further, Model
-from swingid.model.terms import DISPLACEMENT, STRINGS, WAVE, WEIGHT
+from swingid.model.shapes import DISPLACEMENT, STRINGS, WAVE, WEIGHT
 
 DRY = ("coulomb_positive", "coulomb_negative", "static_positive", "static_negative", "d1", "d2", "f3")
 """Constants that a linearisation takes as 0."""

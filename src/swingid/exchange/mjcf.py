@@ -11,7 +11,7 @@ import re
 
 from swingid.errors import UnanswerableError
 from swingid.exchange.model import Model
-from swingid.model.terms import DISPLACEMENT
+from swingid.model.shapes import DISPLACEMENT
 
 GRAVITY, LEVER = 9.80665, 0.1
 """Gravity (m/s²) and lever (m) of a point mass that makes the gravity torque; both are conventions of the file."""

@@ -5,7 +5,8 @@
 A record says how a term is called, where rig.toml states its coefficient c, and what its regressor f is: a power of the
 speed, its parity in the speed, and a function g of the angle by an integer kind. Everything else follows from that: the
 torque, its partial derivatives, the potential energy. The twin, the methods and the report read this table, so a
-coefficient whose regressor has this form needs nothing but a record. (Kernels under njit have the kinds compiled in.)
+coefficient whose regressor has this form needs nothing but a record. The functions of angle and speed are in `shapes`.
+(Kernels under njit have the kinds compiled in.)
 """
 
 from __future__ import annotations
@@ -16,13 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.model import shapes
+from swingid.model.shapes import DISPLACEMENT, ONE, STRINGS, WAVE, WEIGHT
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
-
-# Kinds of g(q): 1, q − shift, sin(order q + shift), |cos q|, sin q / √(1 − order (1 − cos q)).
-ONE, DISPLACEMENT, WAVE, WEIGHT, STRINGS = 0, 1, 2, 3, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +50,10 @@ class Term:
     parts: tuple[str, ...] = ()
     signed: bool = False
 
+    def __post_init__(self) -> None:
+        if (self.power or 0.0) % 0.5 or (self.power or 0.0) < 0.0:
+            raise ValueError(f"term {self.name}: power is {self.power}; give 0, 1/2, 1, 3/2 and so on")
+
     @property
     def is_dry(self) -> bool:
         """Whether it is friction that holds a resting axis: odd in the speed, and no less at rest."""
@@ -70,47 +74,24 @@ class Term:
 
     def of_motion(self, v: Array, direction: Array) -> Array:
         """As `of_speed`; direction: sgn v, which a noisy speed does not show near rest."""
-        power = self.power or 0
-        size = direction if self.odd else np.ones_like(v)
-        for _ in range(int(power)):
-            size = size * np.abs(v)
-        return np.asarray(size * np.sqrt(np.abs(v)) if power % 1 else size, dtype=np.float64)
+        size = shapes.half_powers(np.abs(v), self.power or 0)
+        return np.asarray(direction * size if self.odd else size)
 
     def of_angle(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
         """The part of the regressor that the angle makes, g(q) (rad or m)."""
-        if self.kind == DISPLACEMENT:
-            return np.asarray(q - shift)
-        if self.kind == WAVE:
-            return np.asarray(np.sin(order * q + shift))
-        if self.kind == STRINGS:
-            return np.asarray(np.sin(q) / np.sqrt(1 - order * (1 - np.cos(q))))
-        return np.abs(np.cos(q)) if self.kind == WEIGHT else np.ones_like(q)
+        return np.asarray(shapes.angle_factor(self.kind, q, order, shift))
 
     def of_angle_integral(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
-        """∫g dq of a conservative term, for its potential energy; its constant is of no account."""
-        if self.kind == DISPLACEMENT:
-            return np.asarray(0.5 * (q - shift) ** 2)
-        if self.kind == STRINGS:
-            return np.asarray(2 * (1 - np.cos(q)) / (1 + np.sqrt(1 - order * (1 - np.cos(q)))))
-        assert self.kind == WAVE
-        return np.asarray(-np.cos(order * q + shift) / order)
+        """∫g dq from 0 to q of a conservative term, for its potential energy."""
+        return np.asarray(shapes.angle_integral(self.kind, q, order, shift))
 
     def angle_slope(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
         """dg/dq."""
-        if self.kind == DISPLACEMENT:
-            return np.ones_like(q)
-        if self.kind == WAVE:
-            return np.asarray(order * np.cos(order * q + shift))
-        if self.kind == STRINGS:
-            square = 1 - order * (1 - np.cos(q))
-            return np.asarray((np.cos(q) + 0.5 * order * np.sin(q) ** 2 / square) / np.sqrt(square))
-        return np.asarray(-np.sign(np.cos(q)) * np.sin(q)) if self.kind == WEIGHT else np.zeros_like(q)
+        return np.asarray(shapes.angle_slope(self.kind, q, order, shift))
 
     def shift_slope(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
         """∂g/∂shift."""
-        if self.kind == WAVE:
-            return np.asarray(np.cos(order * q + shift))
-        return np.full_like(q, -1.0 if self.kind == DISPLACEMENT else 0.0)
+        return np.asarray(shapes.shift_slope(self.kind, q, order, shift))
 
 
 _N = ("N m", "N")

@@ -20,7 +20,8 @@ from swingid.methods.energy.chain import Chain, drive_at, observed_speed
 from swingid.model.equation import Equation, shifted
 from swingid.model.rig import Rig
 from swingid.model.rig.drive import Motor
-from swingid.model.terms import WAVE, RigTerm
+from swingid.model.shapes import WAVE
+from swingid.model.terms import RigTerm
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.quadrature import GaussNodes, running_integrals
 from swingid.preparation.encoders import Encoders

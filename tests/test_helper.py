@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import importlib
+from types import ModuleType
+
 import numba
 import numpy as np
 import pytest
+from numba.core.registry import CPUDispatcher
 
 from swingid.control import law
 from swingid.model.friction import static_curve
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig
+from swingid.numerics.cache import PACKAGE
 from swingid.numerics.compiled import njit, njit_helper, njit_inlined
 from swingid.numerics.helper import Helper
 
@@ -68,3 +73,23 @@ def test_a_kernel_has_the_bits_of_python() -> None:
 
     in_kernel = njit(lambda v, p: static_curve(v, p) * law.decay(abs(v)))
     assert [in_kernel(v, p) for v in speeds] == [curve(v) for v in speeds]
+
+
+def _called(function: CPUDispatcher) -> list[CPUDispatcher]:
+    """The compiled functions that one names, those in modules that it names too."""
+    code, known = function.py_func.__code__, function.py_func.__globals__
+    found = [known[name] for name in code.co_names if name in known]
+    for module in [one for one in found if isinstance(one, ModuleType)]:
+        found += [getattr(module, name) for name in code.co_names if hasattr(module, name)]
+    return [one for one in found if isinstance(one, CPUDispatcher)]
+
+
+def test_what_kernels_call_by_name_is_a_helper() -> None:
+    """Else there is code of it twice, and the bits of a result depend on which of both is found."""
+    sources = [path for path in PACKAGE.rglob("*.py") if "\n@njit" in path.read_text(encoding="utf-8")]
+    names = [".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts) for path in sources]
+    modules = [importlib.import_module(name) for name in names]
+    functions = {one for module in modules for one in vars(module).values() if isinstance(one, CPUDispatcher)}
+    assert len(functions) > 100
+    wrong = [(one.__name__, other.__name__) for one in functions for other in _called(one) if type(other) is not Helper]
+    assert wrong == []

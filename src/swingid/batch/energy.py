@@ -21,7 +21,7 @@ from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.regression import fit_linear
-from swingid.numerics.vectors import njit_sums_threads, widest
+from swingid.numerics.vectors import njit_sums, njit_sums_threads, widest
 from swingid.preparation.scale import equation_of
 from swingid.system import cores
 
@@ -42,7 +42,7 @@ TOGETHER = 32
 """Logs whose nodes are in memory at once, per thread."""
 
 
-@njit_sums_threads
+@njit_sums
 def running(v1: Array, v2: Array, wheel: Array, voltage: Array, step: float, constants: Array, sums: Array) -> None:
     """Running integrals (5, rows): the drive's work (the voltage held), |v|, v^2, |v| v^2, |v| v (trapezoids).
 
@@ -80,7 +80,7 @@ def running(v1: Array, v2: Array, wheel: Array, voltage: Array, step: float, con
         work[j], path[j], square[j], cube[j], signed[j] = total
 
 
-@njit_sums_threads
+@njit_sums
 def extent(values: Array) -> float:
     """Largest less smallest of `values` (rows,)."""
     widest()
@@ -90,7 +90,7 @@ def extent(values: Array) -> float:
     return float(high - low)
 
 
-@njit_sums_threads
+@njit_sums
 def turning_points(angle: Array, v: Array, first: int, last: int, turns: Ints) -> int:
     """Samples nearest to the reversals of v between first and last into `turns`; returns how many were found."""
     threshold, count = SMALLEST_SWING * extent(angle[first:last]), 0
@@ -157,7 +157,7 @@ def energy_run(
     return found
 
 
-@njit_sums_threads
+@njit_sums
 def fill_node(
     row: Array, angle: Array, v1: Array, v2: Array, sums: Array, j: int, weights: Array, constants: Array
 ) -> None:

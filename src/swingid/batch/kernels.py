@@ -14,7 +14,7 @@ import numpy as np
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.spline import kinked_slopes, local_cubic
 from swingid.numerics.test_functions import phi
-from swingid.numerics.vectors import njit_sums_threads, sine_cosine, widest
+from swingid.numerics.vectors import njit_sums, njit_sums_threads, sine_cosine, widest
 
 INERTIA, GRAVITY, WHEEL, VISCOUS, COULOMB, QUADRATIC, OFFSET, EVEN, LATE, COLUMNS = range(10)
 """Places of the columns: integrals of phi'' q1, phi sin q1, phi'' q2, phi v, phi sgn v, phi v|v|, phi, phi |v|, and
@@ -67,7 +67,7 @@ def project_runs(
         project(q1, q2, sine, speed, sign, late, first, spacing, weights, result[k])
 
 
-@njit_sums_threads
+@njit_sums
 def project(
     angle: Array,
     wheel: Array,
@@ -126,7 +126,7 @@ PART = 256
 """Samples of which `slopes` keeps the sums in the first-level cache."""
 
 
-@njit_sums_threads
+@njit_sums
 def slopes(values: Array, weights: Array, result: Array) -> None:
     """Speeds at all samples of `values` (rows,) into result (rows,), 0 where the window reaches over an end."""
     widest()
@@ -147,7 +147,7 @@ def slopes(values: Array, weights: Array, result: Array) -> None:
             part[j] = sums[j]
 
 
-@njit_sums_threads
+@njit_sums
 def reversals(v: Array, where: Ints) -> int:
     """Samples after which v (rows,) is on the other side of zero, into `where`; returns how many there are."""
     widest()
@@ -164,7 +164,7 @@ def reversals(v: Array, where: Ints) -> int:
     return count
 
 
-@njit_sums_threads
+@njit_sums
 def too_fast(angle: Array, v: Array, weights: Array, where: Ints) -> tuple[float, float]:
     """(How much faster than nothing the axis is where v passes zero, its standard uncertainty), rad/s.
 
@@ -191,7 +191,7 @@ def too_fast(angle: Array, v: Array, weights: Array, where: Ints) -> tuple[float
     return (total / size, np.sqrt(squares) / size) if size > 0.0 else (0.0, 0.0)
 
 
-@njit_sums_threads
+@njit_sums
 def signs(angle: Array, v: Array, weights: Array, where: Ints, result: Array, late: Array) -> None:
     """Sign of the speed into result (rows,), as its mean over the step about each sample, so that reversals count.
 

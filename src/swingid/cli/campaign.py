@@ -12,7 +12,7 @@ import typer
 from swingid.cli.compile import compile_first
 from swingid.cli.failure import keeps
 from swingid.cli.options import Json
-from swingid.cli.output import check_writable, overwrite, say, tell, time_left, write_json
+from swingid.cli.output import check_writable, overwrite, tell, time_left, write_json
 from swingid.cli.progress import bar
 from swingid.errors import UsageError
 
@@ -56,13 +56,12 @@ def campaign(
         )
     from swingid.report.html import write_campaign
     from swingid.study.campaign import load_plan, run_campaign, summarise
-    from swingid.study.campaign.run import are_compiled
+    from swingid.study.campaign.run import kernels_of
 
     chosen = load_plan(plan).with_runs(runs)
     folder = Path(out or f"campaign-{chosen.name}")
-    if scheduler is None and not (folder / "results.parquet").is_file() and not are_compiled(chosen):
-        compile_first("simulate", *chosen.tables.base.methods)
-        say("trying every kind of run, once per version")
+    if scheduler is None and not (folder / "results.parquet").is_file():
+        compile_first(*kernels_of(chosen))
     with keeps(lambda: _kept(chosen, folder)):
         run_campaign(chosen, folder, workers=workers, scheduler=scheduler, progress=_progress())
     summary = summarise(chosen, folder)

@@ -186,7 +186,7 @@ def first_dip(work: Array, h: float, mode: Mode) -> float:
     return low
 
 
-@njit
+@njit_called
 def locate(step: Step, work: Array, h: float, mode: Mode, u: float, p: Array) -> float:
     """Length (s) of the step from row NOW after which `mode` has only just ceased to hold; leaves row NEW there.
 

@@ -1,8 +1,11 @@
-"""Functions that kernels call and Python does not (`compiled.njit_helper` and its kin), compiled in half of the time.
+"""Functions that kernels call and Python does not (`compiled.njit_helper` and its kin): no machine code of their own.
 
 numba makes each function one that Python can call, too: with two wrappers, machine code of its own and a file. A kernel
 takes only its intermediate code, and optimises that together with its own. numba compiles inner functions of its
-library so, too (its flag no_compile), but has no option for it.
+library so, too (its flag no_compile), but has no option for it. It is worth its lines: with numba's public `njit` the
+first closed loop takes 12.9 s of the processor instead of 9.5 s, the first ensemble 10.1 s instead of 6.6 s; and where
+one kernel called another by its name, there was code of the other twice, and which of both ran, with other last
+bits, depended on what had been compiled before in the process.
 """
 
 from __future__ import annotations

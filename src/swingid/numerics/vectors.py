@@ -18,7 +18,7 @@ import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
 
-from swingid.numerics.compiled import kernels
+from swingid.numerics.compiled import helpers, kernels
 
 WIDTH = '"prefer-vector-width"="512"'
 
@@ -36,15 +36,21 @@ def widest(typing: object) -> tuple[Any, Any]:
     return types.void(), codegen
 
 
-njit_lane = kernels(forceinline=True, fastmath={"contract", "nsz"}, _nrt=False)
+njit_lane = helpers(forceinline=True, fastmath={"contract", "nsz"}, _nrt=False)
 """For the arithmetic of one run inside a loop over runs: inlined, products and sums fused; makes no array, as
 `compiled.njit_inlined`."""
 
+njit_part = helpers(fastmath={"contract", "nsz"}, _nrt=False)
+"""The same for what is not inlined, as a hot loop seldom calls it."""
+
 njit_threads = kernels(nogil=True, fastmath={"contract", "nsz"}, _nrt=False)
-"""For what runs beside other threads and makes no array."""
+"""For what Python calls beside other threads; makes no array."""
+
+njit_sums = helpers(fastmath={"reassoc", "contract", "nsz"})
+"""For functions of kernels whose sums may be reordered."""
 
 njit_sums_threads = kernels(nogil=True, fastmath={"reassoc", "contract", "nsz"})
-"""The same for kernels whose sums may be reordered."""
+"""For such kernels, which Python calls beside other threads."""
 
 LARGEST_ANGLE = 1e5
 """rad: up to here `sine_cosine` is exact to 1e-15; a rig that turns further is not for many runs at once."""

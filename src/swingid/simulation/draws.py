@@ -77,6 +77,25 @@ def draw_nonlinearity(rig: Rig, seed: int) -> list[tuple[float, float]]:
     return found
 
 
+def draw_delays(rig: Rig, rows: int, seed: int) -> tuple[Array, Array, Array]:
+    """How much after its row each encoder is read: latencies (2,), jitters (2,) (s), draws (rows or 1,).
+
+    A delay is the latency and jitter times draw.
+    """
+    sensors = [rig.sensors.of(name) for name in CHANNELS]
+    units = stream(seed, "latency").standard_normal(2)
+    latencies = [s.latency.value + (s.latency.std or 0.0) * one for s, one in zip(sensors, units, strict=True)]
+    jitters = np.array([s.jitter for s in sensors])
+    draws = stream(seed, "jitter").standard_normal(rows) if jitters.any() else np.zeros(1)
+    return np.array(latencies), jitters, draws
+
+
+def draw_noise(rig: Rig, rows: int, seed: int) -> Array:
+    """Noise (2, rows) (rad) of the two encoders."""
+    levels = np.array([rig.sensors.of(name).noise for name in CHANNELS])
+    return stream(seed, "noise").standard_normal((2, rows)) * levels[:, None]
+
+
 def draw(
     rig: Rig,
     rows: int,
@@ -90,23 +109,18 @@ def draw(
 
     A row is read as a whole: both encoders share a row's jitter and are lost together.
     """
-    sensors = [rig.sensors.of(name) for name in CHANNELS]
-    nonlinearity = draw_nonlinearity(rig, seed)
-    latency = stream(seed, "latency").standard_normal(2)
-    jitter = stream(seed, "jitter").standard_normal(rows)
-    noise = stream(seed, "noise").standard_normal((2, rows))
-    lost = stream(seed, "dropouts").random(rows) < max(sensor.dropouts for sensor in sensors)
-    encoders, latencies, delays = [], [], np.zeros((2, rows))
-    for i, sensor in enumerate(sensors):
-        encoders.append(Encoder(sensor.resolution, *nonlinearity[i], encoder_zero[i]))
-        latencies.append(float(sensor.latency.value + (sensor.latency.std or 0.0) * latency[i]))
-        delays[i] = latencies[i] + sensor.jitter * jitter
-        noise[i] *= sensor.noise
+    nonlinearity, (latencies, jitters, jitter) = draw_nonlinearity(rig, seed), draw_delays(rig, rows, seed)
+    lost = stream(seed, "dropouts").random(rows) < max(rig.sensors.of(name).dropouts for name in CHANNELS)
+    angle, wheel = (
+        Encoder(rig.sensors.of(name).resolution, *nonlinearity[i], encoder_zero[i]) for i, name in enumerate(CHANNELS)
+    )
+    delays = np.zeros((2, rows)) + (latencies[:, None] + jitters[:, None] * jitter)
     if constants_too:
         values = draw_constants(rig, seed)
     else:
         values = {key: quantity.value for key, quantity in constants(rig).items()}
-    return Draws(values, (encoders[0], encoders[1]), (latencies[0], latencies[1]), delays, noise, ~lost)
+    late = (float(latencies[0]), float(latencies[1]))
+    return Draws(values, (angle, wheel), late, delays, draw_noise(rig, rows, seed), ~lost)
 
 
 PACKAGES = ("swingid", "numpy", "numba")

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.numerics.arrays import Array
-from swingid.numerics.vectors import njit_lane, njit_threads, widest
+from swingid.numerics.vectors import njit_lane, njit_part, widest
 from swingid.simulation.ensemble import lanes as at
 from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.lanes import LANES
@@ -371,7 +371,7 @@ def finish(lane: Array, i: int) -> tuple[int, int]:
     return (1 if remaining > 0.0 else 0), (1 if undecided else 0)
 
 
-@njit_threads
+@njit_part
 def redo(lane: Array, late: Late, step: int, steps: int, rich: int | None, is_late: int | None) -> bool:
     """Take the flagged steps of a block in parts; whether something is left in LEFT. Others as of `readings.fill`."""
     widest()

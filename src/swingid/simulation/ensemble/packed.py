@@ -15,7 +15,7 @@ from swingid.model.motion import COUNTS, LONGEST, advance
 from swingid.model.parameters import CUBIC, QUADRATIC, STRIBECK_SPEED
 from swingid.model.sensors import ALPHA, BETA, RESOLUTION, ZERO
 from swingid.model.sticking import BEGIN_KERNEL
-from swingid.simulation.draws import CHANNELS, draw_nonlinearity
+from swingid.simulation.draws import CHANNELS, draw_delays, draw_noise, draw_nonlinearity
 from swingid.simulation.ensemble import lanes
 from swingid.simulation.ensemble.block import PLACES, ROW, STEP, TOGETHER, run_block
 from swingid.simulation.ensemble.lanes import CHAIN_MOST, LANES, OTHERS
@@ -130,7 +130,7 @@ def _block(members: list[int], runs: list[Run], kind: Kind, p: Array, resolution
     """A block without its inputs, as many instants as it takes until the last row has been read."""
     after, total = np.empty((0, 2, len(runs))), rows
     if kind.late:
-        drawn = [run.delays(rows) for run in runs]
+        drawn = [draw_delays(run.rig, rows, run.seed) for run in runs]
         length = max(len(draws) for _, _, draws in drawn)
         units = np.zeros((len(runs), length))
         for i, (_, _, draws) in enumerate(drawn):
@@ -227,7 +227,7 @@ def _noise(block: Block, rows: int) -> Array:
         return np.zeros((2, 0, LANES))
     noise, draws = np.zeros((2, len(block.inputs), LANES)), np.zeros((len(block.runs), 2, rows))
     for i, run in enumerate(block.runs):
-        draws[i] = run.noise(rows)
+        draws[i] = draw_noise(run.rig, rows, run.seed)
     noise[:, :rows, : len(draws)] = draws.transpose(1, 2, 0)
     return noise
 

@@ -13,7 +13,7 @@ from swingid.control.compensator import Compensator
 from swingid.errors import UsageError
 from swingid.model.parameters import A11, A12, A22, PLACES, SIZE, constants, vector
 from swingid.model.terms import TERMS
-from swingid.simulation.draws import CHANNELS, draw_constants, stream
+from swingid.simulation.draws import draw_constants
 from swingid.simulation.twin import Controller, Reference, Setup
 
 if TYPE_CHECKING:
@@ -55,25 +55,6 @@ class Run(Setup):
         if self.draw:
             return vector(draw_constants(self.own_rig, self.seed), kind)
         return vector({key: quantity.value for key, quantity in constants(self.rig).items()} | dict(self.changes), kind)
-
-    def delays(self, rows: int) -> tuple[Array, Array, Array]:
-        """How much after its row each encoder is read, as drawn: latencies (2,), jitters (2,) (s), draws (rows or 1,).
-
-        A delay is the latency and jitter times draw.
-        """
-        sensors = [self.rig.sensors.of(name) for name in CHANNELS]
-        units = stream(self.seed, "latency").standard_normal(2)
-        latencies = [s.latency.value + (s.latency.std or 0.0) * one for s, one in zip(sensors, units, strict=True)]
-        jitters = np.array([s.jitter for s in sensors])
-        draws = stream(self.seed, "jitter").standard_normal(rows) if jitters.any() else np.zeros(1)
-        return np.array(latencies), jitters, draws
-
-    def noise(self, rows: int) -> Array:
-        """Noise (2, rows) (rad) of the two encoders."""
-        levels = [self.rig.sensors.of(name).noise for name in CHANNELS]
-        draws = stream(self.seed, "noise").standard_normal((2, rows))
-        draws *= np.array(levels)[:, None]
-        return draws
 
 
 def runs_of(

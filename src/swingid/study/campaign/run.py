@@ -1,29 +1,23 @@
 """Running a campaign: the blocks that are missing are done by this process, by several, or by a Dask cluster.
 
-Blocks are pure, so a lost worker costs time only: what it had not handed over is done again by another. Kernels are
-compiled in a process of their own before any trial is done: a kernel that was just compiled and the same one loaded
-from the cache may round differently (the compiler sees other functions to merge it with), and then the bytes of the
-results would depend on which process was the first.
+Blocks are pure, so a lost worker costs time only: what it had not handed over is done again by another. Their bytes do
+not depend on which process compiled a kernel, since no kernel calls another by its name (`numerics.helper`).
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
-import pickle
-import subprocess
-import sys
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from swingid.errors import InputError, UsageError
+from swingid.numerics.ahead import compile_ahead, tasks
+from swingid.numerics.cache import CACHE
 from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.store import Store, is_finished, made_by
 from swingid.study.campaign.trial import Row, batch_rows, run_trial
-from swingid.study.campaign.trust import fault_factors
 from swingid.system import cores, interruption_waits, locked, worker_pool
 
 Progress = Callable[[int, int, int], None]
@@ -32,8 +26,6 @@ Done = tuple[int, list[Row]]
 
 MOST_LOST = 3
 """Times that processes may be lost before it is given up."""
-
-PROGRAM = "import sys; from swingid.study.campaign.run import compile_kernels; compile_kernels(sys.stdin.buffer.read())"
 
 
 def run_campaign(
@@ -99,7 +91,7 @@ def blocks_done(plan: Plan, blocks: Sequence[int], workers: int | None, schedule
 
 
 def _one(plan: Plan, block: int) -> Done:
-    ensure_compiled(plan)
+    ensure_compiled(kernels_of(plan))
     return block, block_rows(plan, plan.block(block))
 
 
@@ -170,73 +162,17 @@ def _check_versions(client: Any) -> None:
             )
 
 
-def ensure_compiled(plan: Plan) -> None:
-    """Have all kernels that a plan calls compiled and cached, once per machine, version and kind of plan."""
-    _ensure(_kind(plan), pickle.dumps(plan))
-
-
-def are_compiled(plan: Plan) -> bool:
-    """Whether the kernels of a plan are in this machine's cache."""
-    return _marker(_kind(plan)).exists()
-
-
-def _marker(kind: str) -> Path:
-    from swingid.numerics.cache import CACHE, machine
-
-    return CACHE / f"campaign-{kind}-{machine()}"
+def kernels_of(plan: Plan) -> tuple[str, ...]:
+    """Tasks of `numerics.ahead` whose kernels most trials of a plan call; others are compiled when they are called."""
+    named = plan.tables.methods
+    methods = {str(named[name]["method"]) if name in named else name for name in plan.tables.base.methods}
+    wanted = {"simulate", *methods, *(("ensemble",) if plan.batched else ())}
+    return tuple(task for task in tasks() if task in wanted)
 
 
 @cache
-def _ensure(kind: str, pickled: bytes) -> None:
-    marker = _marker(kind)
-    if marker.exists():
-        return
-    # one worker of a machine compiles, the others wait; a cache for reading alone stays as it is
-    with suppress(OSError), locked(marker.with_name("campaign.lock"), wait=True):
-        if not marker.exists():
-            subprocess.run([sys.executable, "-c", PROGRAM], input=pickled, capture_output=True, check=False)
-            marker.touch()
-
-
-def compile_kernels(pickled: bytes) -> None:
-    """Run one trial at each kind of point of a plan, for the kernels' sake."""
-    plan: Plan = pickle.loads(pickled)
-    for trial in _kinds_of_trials(plan):
-        block_rows(plan, [trial])
-
-
-def _kinds_of_trials(plan: Plan) -> list[int]:
-    """The first trial with each text among the levels, of faults with each name: numbers change no kernel."""
-    faults = fault_factors(plan)
-
-    def kinds(labels: Mapping[str, float | str]) -> set[tuple[str, str]]:
-        texts = [(name, label) for name, label in labels.items() if isinstance(label, str)]
-        return {(name, label.partition(":")[0] if name in faults else label) for name, label in texts}
-
-    seen: set[tuple[str, str]] = set()
-    chosen = [0]
-    for trial in range(plan.trials):
-        new = kinds(plan.points[plan.place(trial)[0]].labels) - seen
-        if new:
-            seen |= new
-            chosen.append(trial)
-    return sorted(set(chosen))
-
-
-def _kind(plan: Plan) -> str:
-    """What decides which kernels a plan calls, as a short name: everything but numbers."""
-    tables = plan.tables.model_dump(mode="json", include={"base", "methods", "bound"})
-    factors = {
-        factor.key: [v for v in factor.values or () if isinstance(v, str)] for factor in plan.tables.factors.values()
-    }
-    levels = [factor.levels for factor in plan.tables.factors.values()]
-    kind = json.dumps(_without_numbers([tables, factors, levels]), sort_keys=True)
-    return hashlib.sha256(kind.encode()).hexdigest()[:16]
-
-
-def _without_numbers(value: object) -> object:
-    if isinstance(value, dict):
-        return {str(key): _without_numbers(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_without_numbers(item) for item in value]
-    return None if isinstance(value, int | float) and not isinstance(value, bool) else value
+def ensure_compiled(wanted: tuple[str, ...]) -> None:
+    """Have the kernels of some tasks compiled and cached: one worker of a machine compiles, the others wait."""
+    # a cache for reading alone stays as it is
+    with suppress(OSError), locked(CACHE / "campaign.lock", wait=True):
+        compile_ahead(wanted)

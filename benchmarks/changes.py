@@ -19,7 +19,7 @@ import numpy as np
 import swingid as sw
 from swingid.errors import SwingidError
 from swingid.study.campaign import load_plan
-from swingid.study.campaign.trial import Head, Known, experiment_at
+from swingid.study.campaign.trial import Known, experiment_at, head_of
 from swingid.study.faults import FAULTS, parse_fault, with_faults
 from trust import PAGE, markdown
 
@@ -37,7 +37,7 @@ def answers(runs: int, faults: Sequence[str]) -> Iterator[dict[str, Any]]:
     """One row per log: its fault and motion, codes of warnings and notes, whether the interval contains the inertia."""
     plan = load_plan("clean").with_runs(runs)
     for trial in range(runs):
-        head = Head.of(plan, trial)
+        head = head_of(plan, trial)
         fault = faults[trial % len(faults)]
         if fault.startswith("running in") and head.place["friction"] not in DRY:
             fault = fault.replace("running in", "warming")

@@ -26,7 +26,7 @@ from swingid.methods.table import METHODS
 from swingid.simulation.ensemble import simulate_ensemble
 from swingid.study.compare import compare
 from swingid.study.experiment import encoder_places, through_file
-from swingid.study.rehearse import Expectation
+from swingid.study.trials import Expectation
 
 PAPER = sw.Rig.load("paper")
 MOTION = sw.parse_reference("sine 0.8 rad 8.5 rad/s")

@@ -12,7 +12,8 @@ from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.model.rig import Rig
 from swingid.study.experiment import encoder_places
-from swingid.study.rehearse import Expectation, rehearse
+from swingid.study.rehearse import rehearse
+from swingid.study.trials import Expectation
 
 PAPER = Rig.builtin("paper")
 

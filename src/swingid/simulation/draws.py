@@ -93,7 +93,8 @@ def draw_delays(rig: Rig, rows: int, seed: int) -> tuple[Array, Array, Array]:
 def draw_noise(rig: Rig, rows: int, seed: int) -> Array:
     """Noise (2, rows) (rad) of the two encoders."""
     levels = np.array([rig.sensors.of(name).noise for name in CHANNELS])
-    return stream(seed, "noise").standard_normal((2, rows)) * levels[:, None]
+    noise: Array = stream(seed, "noise").standard_normal((2, rows)) * levels[:, None]
+    return noise
 
 
 def draw(
@@ -110,9 +111,11 @@ def draw(
     A row is read as a whole: both encoders share a row's jitter and are lost together.
     """
     nonlinearity, (latencies, jitters, jitter) = draw_nonlinearity(rig, seed), draw_delays(rig, rows, seed)
-    lost = stream(seed, "dropouts").random(rows) < max(rig.sensors.of(name).dropouts for name in CHANNELS)
+    sensors = [rig.sensors.of(name) for name in CHANNELS]
+    lost = stream(seed, "dropouts").random(rows) < max(sensor.dropouts for sensor in sensors)
     angle, wheel = (
-        Encoder(rig.sensors.of(name).resolution, *nonlinearity[i], encoder_zero[i]) for i, name in enumerate(CHANNELS)
+        Encoder(sensor.resolution, *bent, zero)
+        for sensor, bent, zero in zip(sensors, nonlinearity, encoder_zero, strict=True)
     )
     delays = np.zeros((2, rows)) + (latencies[:, None] + jitters[:, None] * jitter)
     if constants_too:

@@ -14,13 +14,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
-from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError
+from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.model.parameters import TILTS
 from swingid.model.rig import Rig
@@ -31,7 +30,7 @@ from swingid.preparation.encoders import moved
 from swingid.recording.recording import Recording
 from swingid.result.data import Distributed, MonteCarlo
 from swingid.result.result import Result
-from swingid.system import cores, map_in_processes
+from swingid.study.trials import in_processes
 from swingid.uncertainty.budget import BudgetEntry
 from swingid.uncertainty.freedom import COVERAGE
 from swingid.units import Quantity, UnknownScale
@@ -180,7 +179,7 @@ def monte_carlo(
     planned = [Draw({}, seed * 2**32 + k) for k in range(min(NOISE_DRAWS, draws))]
     planned += [_drawn(keys, seed, k) for k in range(draws)]
     outcomes: list[dict[str, float] | str] = []
-    for one in _estimates(experiment, planned, workers or cores()):
+    for one in in_processes(experiment.estimate, planned, workers, chunk=8):
         outcomes.append(one)
         if progress is not None:
             progress(len(outcomes), len(planned))
@@ -227,22 +226,6 @@ def _drawn(keys: list[str], seed: int, k: int) -> Draw:
     """Draw k: a stream of its own for each number, whatever the others are."""
     generator = np.random.default_rng([seed, 0, k])
     return Draw(dict(zip(keys, generator.standard_normal(len(keys)).tolist(), strict=True)), seed * 2**32 + 2**31 + k)
-
-
-def _estimates(experiment: Experiment, planned: list[Draw], workers: int) -> Iterator[dict[str, float] | str]:
-    """The estimates in the order of the draws; the first one here, so that kernels are compiled once."""
-    yield experiment.estimate(planned[0])
-    if workers == 1:
-        yield from map(experiment.estimate, planned[1:])
-        return
-    yield from map_in_processes(min(workers, len(planned)), partial(_estimate, experiment), planned[1:], chunksize=8)
-
-
-def _estimate(experiment: Experiment, draw: Draw) -> dict[str, float] | str:
-    try:
-        return experiment.estimate(draw)
-    except SwingidError as error:
-        return error.code
 
 
 def _corrections(

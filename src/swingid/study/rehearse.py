@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import percent
-from swingid.identification import identify
-from swingid.methods.table import METHODS, method_of, one_momentum
+from swingid.methods.table import METHODS, method_of
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.recording.recording import Recording
 from swingid.study.experiment import Experiment, without_truth
 from swingid.study.faults import parse_fault, with_faults
 from swingid.study.output import Study, aligned, counted, noted
-from swingid.system import cores, map_in_processes
+from swingid.study.trials import Expectation, Head, Row, in_processes, rows_of
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
@@ -34,58 +29,6 @@ FEWEST_RUNS = 5
 NO_OPTIONS: Mapping[str, object] = {}
 
 HEADINGS = ("method", "RMSE", "bias", "95 % of errors", "95 % interval", "covers", "answers")
-
-
-@dataclass(frozen=True)
-class Expectation:
-    """What to expect of one method: relative errors of the inertia, and half-widths of its 95 % intervals, per run.
-
-    refusals, warnings: how many runs had which code.
-    """
-
-    method: str
-    errors: Array
-    half_widths: Array
-    refusals: dict[str, int]
-    warnings: dict[str, int]
-
-    @property
-    def answered(self) -> int:
-        """Number of runs with a number."""
-        return int(np.isfinite(self.errors).sum())
-
-    @property
-    def bias(self) -> float:
-        """Mean relative error."""
-        return float(np.nanmean(self.errors)) if self.answered else float("nan")
-
-    @property
-    def rmse(self) -> float:
-        """Root of the mean square of the relative error."""
-        return float(np.sqrt(np.nanmean(self.errors**2))) if self.answered else float("nan")
-
-    @property
-    def p95(self) -> float:
-        """95th percentile of the absolute relative error."""
-        return float(np.nanquantile(np.abs(self.errors), 0.95)) if self.answered else float("nan")
-
-    @property
-    def half_width(self) -> float:
-        """Median relative half-width of the 95 % interval; NaN where no run has one."""
-        known = self.half_widths[np.isfinite(self.half_widths)]
-        return float(np.median(known)) if len(known) else float("nan")
-
-    @property
-    def coverage(self) -> tuple[float, float]:
-        """Share of the intervals that contain the true value, and its binomial standard error (Agresti and Coull)."""
-        known = np.isfinite(self.half_widths)
-        count = int(known.sum())
-        if not count:
-            return float("nan"), float("nan")
-        hits = int((np.abs(self.errors[known]) <= self.half_widths[known]).sum())
-        # two more of each keep the error from vanishing at 100 %
-        share = (hits + 2) / (count + 4)
-        return hits / count, float(np.sqrt(share * (1 - share) / (count + 4)))
 
 
 @dataclass(frozen=True)
@@ -166,12 +109,12 @@ def rehearse(
     drawn = [parse_fault(text) for text in faults]
     if drawn:
         experiment = with_faults(experiment, drawn)
-    outcomes: list[tuple[Outcome, ...]] = []
-    for found in _runs(experiment, [seed + k for k in range(runs)], workers or cores()):
-        outcomes.append(found)
+    found: list[list[Row]] = []
+    for rows in in_processes(partial(run_once, experiment), [seed + k for k in range(runs)], workers):
+        found.append(rows)
         if progress is not None:
-            progress(len(outcomes), runs)
-    expectations = tuple(_expectation(name, [found[k] for found in outcomes]) for k, name in enumerate(chosen))
+            progress(len(found), runs)
+    expectations = tuple(Expectation.of([rows[k] for rows in found]) for k in range(len(chosen)))
     if not any(e.answered for e in expectations):
         reasons = ", ".join(sorted({reason for e in expectations for reason in e.refusals}))
         raise UnanswerableError(
@@ -182,64 +125,9 @@ def rehearse(
     )
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """The answer of one method in one run: relative error of the inertia, relative half-width of its 95 % interval.
-
-    Both are NaN where the method refused, the half-width also where the uncertainty is unknown; then `reason` is the
-    code of the refusal. warnings: codes.
-    """
-
-    error: float
-    half_width: float
-    reason: str = ""
-    warnings: tuple[str, ...] = ()
-
-
-def _runs(experiment: Experiment, seeds: list[int], workers: int) -> Iterator[tuple[Outcome, ...]]:
-    """The runs in the order of their seeds; the first one here, so that kernels are compiled once."""
-    yield run_once(experiment, seeds[0])
-    if workers == 1:
-        yield from (run_once(experiment, seed) for seed in seeds[1:])
-        return
-    yield from map_in_processes(min(workers, len(seeds)), partial(run_once, experiment), seeds[1:])
-
-
-def run_once(experiment: Experiment, seed: int) -> tuple[Outcome, ...]:
+def run_once(experiment: Experiment, seed: int) -> list[Row]:
     """Simulate with everything drawn by `seed`, write the log, read it as a lab would, and identify it."""
-    log = experiment.log(seed)
-    truth = log.metadata["truth"]
-    assert isinstance(truth, dict)
-    try:
-        read = experiment.read(log)
-    except (UnanswerableError, InputError) as error:
-        return tuple(Outcome(np.nan, np.nan, error.code) for _ in experiment.methods)
-    inertia = float(truth["inertia"])
-    with one_momentum():
-        return tuple(
-            _outcome(read, experiment.stated, method, options, inertia) for _, method, options in experiment.methods
-        )
-
-
-def _outcome(log: Recording, rig: Rig, method: str, options: Mapping[str, object], truth: float) -> Outcome:
-    try:
-        result = identify(log, rig, method, **options)
-    except (UnanswerableError, InputError) as error:
-        return Outcome(np.nan, np.nan, error.code)
-    inertia = result.inertia
-    low, high = inertia.interval95 or (np.nan, np.nan)
-    warnings = tuple(warning.code for warning in result.warnings)
-    return Outcome(inertia.value / truth - 1, (high - low) / 2 / truth, warnings=warnings)
-
-
-def _expectation(method: str, outcomes: Sequence[Outcome]) -> Expectation:
-    return Expectation(
-        method,
-        np.array([o.error for o in outcomes]),
-        np.array([o.half_width for o in outcomes]),
-        dict(Counter(o.reason for o in outcomes if o.reason)),
-        dict(Counter(code for o in outcomes for code in set(o.warnings))),
-    )
+    return rows_of(Head(), experiment, experiment.log(seed), caught=(UnanswerableError, InputError))
 
 
 def _notes(rig: Rig) -> Iterator[str]:

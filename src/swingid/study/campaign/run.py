@@ -17,7 +17,8 @@ from swingid.numerics.ahead import compile_ahead, tasks
 from swingid.numerics.cache import CACHE
 from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.store import Store, is_finished, made_by
-from swingid.study.campaign.trial import Row, batch_rows, run_trial
+from swingid.study.campaign.trial import batch_rows, run_trial
+from swingid.study.trials import Row
 from swingid.system import cores, interruption_waits, locked, worker_pool
 
 Progress = Callable[[int, int, int], None]

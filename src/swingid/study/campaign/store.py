@@ -26,7 +26,7 @@ from swingid.system import locked, write_whole
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from swingid.study.campaign.trial import Row
+    from swingid.study.trials import Row
 
 SCHEMA = "swingid.campaign/1"
 MANIFEST, RESULTS, PARTS = "campaign.json", "results.parquet", "parts"

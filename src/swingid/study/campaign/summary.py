@@ -18,7 +18,7 @@ from swingid.study.campaign.plan import BASE, Plan
 from swingid.study.campaign.store import SCHEMA, Store
 from swingid.study.campaign.trust import fault_factors, trust_of, trust_tables
 from swingid.study.output import Study, aligned, counted, noted
-from swingid.study.rehearse import Expectation
+from swingid.study.trials import Expectation
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -45,11 +45,21 @@ def test_windows_integrate_powers(reach):
     assert abs(weights[0].sum() / (32 / 35 * half) - 1.0) < 20 * order
 
 
+@numba.njit(error_model="numpy")
+def speeds_of(angle, weights, result):
+    slopes(angle, weights, result)
+
+
+@numba.njit(error_model="numpy")
+def signs_of(angle, speed, weights, where, sign, late):
+    signs(angle, speed, weights, where, sign, late)
+
+
 def test_speeds_are_exact_for_cubics():
     step, weights = 1e-3, smoothing(0.0105, 1e-3)
     t = step * np.arange(100)
     speeds = np.empty(100)
-    slopes(1.0 + 2.0 * t - 3.0 * t**2 + 40.0 * t**3, weights[1], speeds)
+    speeds_of(1.0 + 2.0 * t - 3.0 * t**2 + 40.0 * t**3, weights[1], speeds)
     assert np.allclose(speeds[20:80], (2.0 - 6.0 * t + 120.0 * t**2)[20:80], rtol=1e-11)
 
 
@@ -59,10 +69,10 @@ def test_reversals_are_in_their_place_though_the_acceleration_jumps_there():
     t = step * np.arange(200) - at
     angle = np.where(t < 0, 29.0, 30.0) * t**2
     speed, (sign, late) = np.empty(200), np.empty((2, 200))
-    slopes(angle, smoothing(width, step)[1], speed)
+    speeds_of(angle, smoothing(width, step)[1], speed)
     found = np.interp(0.0, speed[80:120], t[80:120])
     assert found == pytest.approx(-7e-5, abs=1e-5)
-    signs(angle, speed, kinked(width, step), np.empty(200, np.int64), sign, late)
+    signs_of(angle, speed, kinked(width, step), np.empty(200, np.int64), sign, late)
     inside = slice(50, 150)
     assert np.allclose(sign[inside], np.clip(2.0 * t[inside] / step, -1.0, 1.0), atol=0.01)
     assert np.sum(late[inside]) == pytest.approx(0.0, abs=1e-9)  # one reversal has no scatter

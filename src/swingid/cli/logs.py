@@ -97,9 +97,9 @@ def _text_for(log: str) -> str:
     found = first_rows(log) if is_large(log) else read_table(read_bytes(log), log)
     columns = {column.name: column for column in describe(found)}
     roles = guess_roles(list(columns.values()))
-    if not {"angle", "angle_speed"} & roles.found.keys():
+    if not roles.has_motion:
         names = ", ".join(repr(name[:40]) for name in list(columns)[:8])
-        message = f"{log}: none of its columns ({names}) looks like the angle of a swing or its rate"
+        message = f"{log}: none of its columns ({names}) looks like the angle of a swing, its rate, or a mark on an arc"
         raise InputError(f"{message}; name it under [log] of a rig file by hand (swingid init DIR).", code="no-angle")
     table = log_table(roles)
     return rig_text(TEMPLATE.read_text(encoding="utf-8"), roles, columns, table, "my-rig", Path(log).name)

@@ -23,6 +23,7 @@ from swingid.preparation.scale import equation_of, refuse_motor, require_channel
 from swingid.preparation.segment import of_selected, part_of
 from swingid.preparation.strings import VerticalMotion
 from swingid.preparation.zero import centred
+from swingid.recording.points import pivot_of
 from swingid.recording.recording import Recording
 from swingid.result.encoders import encoders_cost
 from swingid.result.provenance import add_findings, defaults_taken, provenance
@@ -204,11 +205,13 @@ def prepare(
 
 
 def as_recorded(rig: Rig, log: Recording) -> Rig:
-    """The rig whose clock and zero of the angle are as uncertain as the findings of the log say."""
+    """The rig whose clock, zero of the angle and pivot are as uncertain as the findings of the log say."""
     keys: dict[str, Quantity] = {}
     for key, own in (("clock", "of_time"), ("angle_offset", "of_zero")):
         found = max((getattr(one, own) for one in log.findings), default=0.0)
         if found:
             stated: Quantity = getattr(rig.log, key)
             keys[key] = replace(stated, std=math.hypot(stated.std or 0.0, found))
-    return rig.model_copy(update={"log": rig.log.model_copy(update=keys)}) if keys else rig
+    rig = rig.model_copy(update={"log": rig.log.model_copy(update=keys)}) if keys else rig
+    pivot = pivot_of(log.findings)
+    return rig if pivot is None else rig.model_copy(update={"sensors": rig.sensors.with_pivot(*pivot)})

@@ -12,6 +12,7 @@ from swingid.errors import InputError
 from swingid.model.rig.fields import stated
 from swingid.model.rig.tables import LogConventions
 from swingid.recording.findings import Finding
+from swingid.recording.points import ANGLE
 from swingid.recording.rates import RateIs, integral, rate_of, with_angle
 from swingid.units import Quantity
 
@@ -123,6 +124,8 @@ class Conventions:
         log = rig.log
         kind = rig.drive.kind
         columns = {name: getattr(log, name, None) or default for name, default in DEFAULT_COLUMNS.items()}
+        if log.point is not None:
+            columns["angle"] = ANGLE
         unit, turn = _unit(rig, log.angle_unit, "angle")
         unit, turn = unit * log.angle_scale.value, None if turn is None else turn / log.angle_scale.value
         if stated(log, "angle_offset"):

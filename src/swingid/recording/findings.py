@@ -36,7 +36,8 @@ class Finding:
     (a key of `REPAIRS`) that it reports, done or (code "repair-off") switched off. spans: from when to when (s) what a
     warning reports happened; where that is outside of the rows that a method used, it is a note. Empty: everywhere.
     of_time: relative standard uncertainty of the time that a repair restored; of_zero: standard uncertainty (rad) of
-    the zero of the angle, where the log states it.
+    the zero of the angle, where the log states it. of_pivot: standard uncertainties (rad) of cosine and sine part of
+    the angle by a pivot that was fitted to the marks of a video; None where none was.
     """
 
     code: str
@@ -47,6 +48,7 @@ class Finding:
     spans: tuple[tuple[float, float], ...] = ()
     of_time: float = 0.0
     of_zero: float = 0.0
+    of_pivot: tuple[float, float] | None = None
 
     def within(self, start: float, stop: float) -> Finding:
         """As it counts where only the rows from start to stop (s) are used."""

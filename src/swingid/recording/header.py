@@ -90,7 +90,7 @@ def _rate_as_angle(table: Table, conventions: Conventions, name: str) -> Iterato
         yield Finding("rate-as-angle", text, "warning")
 
 
-OTHERS = ("V", "mV", "A", "mA", "N m", "mN m", "N", "Hz", "m/s^2", "m/s²", "m/s2", "g", "µT", "μT", "uT")
+OTHERS = ("px", "V", "mV", "A", "mA", "N m", "mN m", "N", "Hz", "m/s^2", "m/s²", "m/s2", "g", "µT", "μT", "uT")
 """Units of no angle and of no rate."""
 
 LINEAR_RATES = frozenset(("m/s", "mm/s"))
@@ -106,7 +106,9 @@ def _check_quantity(table: Table, rig: Rig, conventions: Conventions, name: str)
         if canonical(unit) in OTHERS or (canonical(unit) in LINEAR_RATES and channel.endswith("angle")):
             what = "a rate" if channel.endswith("speed") else "an angle or position"
             remedy = "name another column"
-            if channel == "angle":
+            if canonical(unit) == "px":
+                remedy = 'name the columns of x and y of the mark as point = ["x", "y"]'
+            elif channel == "angle":
                 example = "12.5 ± 0.1 mm" if rig.axis.kind == "linear" else "60 ± 0.2 deg"
                 remedy += f', or state [log] angle_scale, such as "{example}" per {unit}'
             text = f"{name}: the header of column {column!r} states {unit}, no unit of {what}, but [log] {channel}"

@@ -18,6 +18,7 @@ from swingid.recording.formats.csv import TABLE_NEEDS
 from swingid.recording.grid import check_grids
 from swingid.recording.header import FACTORS, from_first_row, with_header_units
 from swingid.recording.live import is_live, live
+from swingid.recording.points import with_angle
 from swingid.recording.rate_checks import check_beside, unsaturated
 from swingid.recording.repair import repair
 from swingid.recording.rows import LARGEST, MANY
@@ -52,7 +53,10 @@ def contents_of(
     table: Table, rig: Rig, source: Source, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
 ) -> dict[str, Any]:
     """The fields of the Recording in a table of named columns, by name; raises as `Recording.load`."""
-    reading = reading_of(table, table, rig, source.path or "the table", repairs)
+    name = source.path or "the table"
+    table, of_point = with_angle(table, rig, name)
+    reading = reading_of(table, table, rig, name, repairs)
+    reading.findings += of_point
     reading.findings += unreadable_rows(table, reading)
     if is_live(table):
         table, reading = live(table, reading)
@@ -223,7 +227,9 @@ def _saved_findings(table: Table) -> tuple[Finding, ...]:
             named = named if isinstance(named, str) else None
             code, message, spans = str(entry.get("code")), str(entry.get("message")), _spans(entry.get("spans"))
             of_time, of_zero = _size(entry.get("of_time")), _size(entry.get("of_zero"))
-            found.append(Finding(code, message, entry["level"], named, None, spans, of_time, of_zero))
+            pivot = entry.get("of_pivot")
+            of_pivot = (_size(pivot[0]), _size(pivot[1])) if isinstance(pivot, list) and len(pivot) == 2 else None
+            found.append(Finding(code, message, entry["level"], named, None, spans, of_time, of_zero, of_pivot))
     return tuple(found)
 
 
@@ -268,7 +274,7 @@ def check_motion(channels: Channels, reading: Reading, *, still_axis: bool = Fal
         message = f"{name} has {rows}, too few to show a motion; log some swings."
         raise UnanswerableError(message, code="too-short")
     alone = rig.log.has_rate_alone
-    column = f"column {rig.log.angle_speed!r} (the rate)" if alone else f"column {rig.log.angle!r} (the angle)"
+    column = f"column {rig.log.angle_speed!r} (the rate)" if alone else reading.column("angle") + " (the angle)"
     if np.ptp(angle) == 0.0 and not still_axis:
         message = f"{name}: {column} does not change; log a motion, or set [log] angle to the right column."
         raise UnanswerableError(message, code="no-motion")

@@ -140,6 +140,23 @@ def choice_or_number(*choices: str) -> PlainValidator:
     return PlainValidator(read)
 
 
+def two_columns(raw: object) -> tuple[str, str]:
+    """The names of two columns, of x and y."""
+    if isinstance(raw, list | tuple) and len(raw) == 2 and all(isinstance(one, str) and one for one in raw):
+        return raw[0], raw[1]
+    refuse("wrong-value", f'must be the columns of x and y, such as ["x", "y"], not {shown(raw)}')
+
+
+def two_columns_or_place(raw: object) -> tuple[str, str] | tuple[float, float]:
+    """The names of two columns, or a place in the picture as two numbers."""
+    if not isinstance(raw, list | tuple) or any(isinstance(one, str) for one in raw):
+        return two_columns(raw)
+    numbers = [one for one in raw if isinstance(one, int | float) and not isinstance(one, bool) and math.isfinite(one)]
+    if len(numbers) == 2 == len(raw):
+        return float(numbers[0]), float(numbers[1])
+    refuse("wrong-value", f"must be [x, y] of the pivot, or the columns of a mark on it, not {shown(raw)}")
+
+
 def _within(found: Quantity, limits: Limits) -> Quantity:
     """The quantity, refused where its value is outside of the limits."""
     value = found.value

@@ -199,6 +199,16 @@ class Rig(Table):
         )
 
     @model_validator(mode="after")
+    def _marks_are_seen_by_a_camera(self) -> Self:
+        """The kind of sensor of an angle that is made of the places of marks."""
+        if self.log.point is not None:
+            if self.axis.kind == "linear":
+                text = "has no meaning on a linear axis; name the column of its place as angle"
+                refuse("contradiction", text, "log.point")
+            self.__dict__["sensors"] = self.sensors.of_camera(has_wheel=self.drive.kind == "reaction-wheel")
+        return self
+
+    @model_validator(mode="after")
     def _tables_fit_together(self) -> Self:
         if self.axis.kind == "linear":
             self._check_linear()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -198,6 +198,33 @@ class Sensors(Encoder):
         if "sensor" in own:
             shared |= {"nonlinearity": None, "second_harmonic": None}
         return Encoder.model_construct(**shared | own)
+
+    def of_camera(self, *, has_wheel: bool) -> Sensors:
+        """With the kind of the axis' sensor that marks in a video have, where nothing is stated of it."""
+        if self.sensor is not None or self.says_nonlinearity:
+            return self
+        own: dict[str, Any] = {key: getattr(self, key) for key in self.model_fields_set} | {"sensor": "camera"}
+        if has_wheel and (self.wheel is None or self.wheel.sensor is None):
+            known = {} if self.wheel is None else self.wheel.model_dump(exclude_unset=True)
+            own["wheel"] = Encoder.model_validate({**known, "sensor": "unknown"})
+        return Sensors.model_construct(**own)
+
+    def with_pivot(self, cosine: float, sine: float) -> Sensors:
+        """With the standard deviations (rad) of both parts once per turn, where none are stated.
+
+        They come from a pivot that was fitted to the marks of a video. A plane that is seen from aside makes an ellipse
+        of the circle, whose centre is as far off along the lever as the part of twice per turn.
+        """
+        if self.says_nonlinearity:
+            return self
+        aside = 2 * self.resolved().twice
+        parts = {
+            "nonlinearity_cosine": Quantity(0.0, cosine),
+            "nonlinearity_sine": Quantity(0.0, math.hypot(sine, aside)),
+        }
+        own = {key: getattr(self, key) for key in self.model_fields_set}
+        twice = own.get("second_harmonic", math.radians(self.kind.twice))
+        return Sensors.model_construct(**own | parts | {"second_harmonic": twice})
 
     @property
     def says_latency(self) -> bool:

@@ -25,6 +25,8 @@ from swingid.model.rig.fields import (
     refuse,
     scale_or_unknown,
     stated,
+    two_columns,
+    two_columns_or_place,
 )
 from swingid.model.rig.gravity import weighed
 from swingid.model.rig.suspension import Bifilar, Suspension, Trifilar
@@ -225,7 +227,9 @@ class LogConventions(Table):
     `wheel_speed` replaces the wheel's angle. A rate is that at its row, the mean since the row before, or held until
     the next one. Torque (force) = torque_sign * torque_gain * column. bridge: column that is 0 while that of a motor on
     the axis is open, so that no current flows; supply: column of its supply (V), of which `voltage` then is the share.
-    clock: relative deviation of the log's clock, positive where it is fast.
+    clock: relative deviation of the log's clock, positive where it is fast. point: columns of x and y of a mark on the
+    body, from which the angle is made; pivot: columns of a second mark, on the body or on the pivot, or its place,
+    without which it is fitted; point_down: the direction in the picture in which the body hangs.
     """
 
     time: Column = "t"
@@ -260,6 +264,9 @@ class LogConventions(Table):
     reference: Column = "ym"
     drive_held: bool = True
     clock: Annotated[Quantity, quantity("", above=-0.5, below=1)] = Quantity(0.0, 1e-4)
+    point: Annotated[tuple[str, str] | None, PlainValidator(two_columns)] = None
+    pivot: Annotated[tuple[str, str] | tuple[float, float] | None, PlainValidator(two_columns_or_place)] = None
+    point_down: Literal["+y", "-y", "+x", "-x"] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -295,6 +302,12 @@ class LogConventions(Table):
             refuse(
                 "contradiction", "is given beside angle_zero, the logged value of the same; keep one", "angle_offset"
             )
+        for key in ("angle", "angle_unit", "angle_scale") if self.point is not None else ():
+            if stated(self, key):
+                refuse("contradiction", "is given beside point, from which the angle is made; keep one", key)
+        for key in ("pivot", "point_down"):
+            if getattr(self, key) is not None and self.point is None:
+                refuse("missing-key", f"is missing beside {key}; name the columns of the mark", "point")
         if self.has_rate_alone:
             for key in ("angle_unit", "angle_zero", "angle_scale", "angle_offset"):
                 if stated(self, key):
@@ -314,4 +327,4 @@ class LogConventions(Table):
     @property
     def has_rate_alone(self) -> bool:
         """Whether the rate of the axis was logged, and not its angle."""
-        return self.angle_speed is not None and not stated(self, "angle")
+        return self.angle_speed is not None and not stated(self, "angle") and self.point is None

@@ -51,7 +51,8 @@ def find_layout(body: bytes) -> Layout | None:
         above = len(cells[first - 1]) if first else 0
         # two names or more above the first row are a header that does not fit; one is a title
         return Layout(delimiter, decimal, (), (), lines[first][1], width, above if above > 1 else width)
-    names = tuple(cell.strip() or f"column{k}" for k, cell in enumerate(cells[first], start=1))
+    first, stacked = _rows_of_names(cells, first, width, decimal)
+    names = _names(stacked, cells[first])
     at = first + 1
     units: tuple[str, ...] = ()
     if at + 1 < len(cells) and _is_units(cells[at]) and _numeric(cells[at + 1], decimal):
@@ -59,6 +60,60 @@ def find_layout(body: bytes) -> Layout | None:
         at += 1
     rows = lines[at][1] if at < len(lines) else len(body)
     return Layout(delimiter, decimal, names, units, rows, width, width)
+
+
+MOST_ROWS_OF_NAMES = 4
+"""As DeepLabCut writes for several animals: scorer, individuals, bodyparts, coords."""
+
+
+def _rows_of_names(cells: Sequence[Sequence[str]], first: int, width: int, decimal: str) -> tuple[int, list[list[str]]]:
+    """The lowest row of a header of several rows, and those above it; `first` and none where it has one row.
+
+    The rows above have merged cells, or as in the logs of DeepLabCut one name several times: the lowest one alone
+    would name columns twice.
+    """
+    at = next(
+        (k for k, row in enumerate(cells) if k > first and len(row) == width and _numeric(row, decimal)), first + 1
+    )
+    last = at - 1
+    if last > first and _is_units(cells[last]):
+        last -= 1
+    lowest = [cell.strip() for cell in cells[last] if cell.strip()]
+    several = len(set(lowest)) < len(lowest)
+    begin = first
+    if last == first and several and first and len(cells[first - 1]) in (width, width - 1, width + 1):
+        begin = first - 1
+    rows = [_as_wide(row, width) for row in cells[begin:last]]
+    if not several or not 0 < len(rows) < MOST_ROWS_OF_NAMES or last >= len(cells):
+        return first, []
+    return last, rows
+
+
+def _as_wide(row: Sequence[str], width: int) -> list[str]:
+    return [*row, ""][:width]
+
+
+def _names(above: Sequence[Sequence[str]], lowest: Sequence[str]) -> tuple[str, ...]:
+    """Names of columns, with those of the rows above that tell them apart; merged cells hold for the columns right."""
+    parts = []
+    for row in above:
+        held, filled = "", []
+        for k, cell in enumerate(row):
+            held = cell.strip() or held
+            # the first column of a log of DeepLabCut holds what its rows of names are
+            filled.append("" if k == 0 and held.lower() in STACK else held)
+        if len({cell for cell in filled if cell}) > 1:
+            parts.append(filled)
+    if not parts and above:
+        parts = [["" for _ in lowest]]
+    lowest = ["frame" if cell.strip().lower() in STACK else cell.strip() for cell in lowest]
+    columns = zip(*parts, lowest, strict=True) if parts else ((cell,) for cell in lowest)
+    joined = (" ".join(dict.fromkeys(part for part in column if part)) for column in columns)
+    return tuple(name or f"column{k}" for k, name in enumerate(joined, start=1))
+
+
+STACK = ("scorer", "individuals", "bodyparts", "coords")
+"""First cells of the rows of names that DeepLabCut writes."""
 
 
 def _with_equal_ends(cells: list[list[str]], width: int, decimal: str) -> list[list[str]]:

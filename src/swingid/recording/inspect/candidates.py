@@ -206,7 +206,8 @@ ALIKE = 0.98
 
 @dataclass(frozen=True)
 class Role:
-    """A column in a role: "time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque" or "reference".
+    """A column in a role: "time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque" or "reference"; of a mark
+    in a video "point_x", "point_y", of one on the pivot "pivot_x", "pivot_y".
 
     unit: stated or guessed, "" where unknown; why: the reason of the guess; sure: whether the name supports it.
     """
@@ -251,7 +252,7 @@ def fits(candidate: Candidate, role: str) -> float:
     score = candidate.scores[role]
     if candidate.unit and any(candidate.unit in units for units in ROLE_UNITS.values()):
         score += 2.0 if candidate.unit in ROLE_UNITS[role] else -4.0
-    elif candidate.unit in SPEED_UNITS:
+    elif candidate.unit in SPEED_UNITS or candidate.unit == "px":
         score -= 4.0
     return score - candidate.scores["other"]
 

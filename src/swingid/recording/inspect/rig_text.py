@@ -28,7 +28,8 @@ def log_table(roles: Roles) -> str:
     lines = [_line("[log]", "guessed from the file: confirm each line")]
     time = roles.found.get("time")
     if time is None:
-        lines.append(_line("# rate = 1000", "rows per second: no column rises as a clock does, so state it"))
+        frames = "frames of the video" if "point_x" in roles.found else "rows"
+        lines.append(_line("# rate = 1000", f"{frames} per second: no column rises as a clock does, so state it"))
     else:
         lines.append(_column("time", time))
         if time.unit != "s":
@@ -36,6 +37,7 @@ def log_table(roles: Roles) -> str:
     lines.append(
         _line('# clock = "0 ± 100 ppm"', "by how much the clock is fast; this is taken where it is not stated")
     )
+    lines += _point_lines(roles)
     angle = roles.found.get("angle")
     if angle is not None:
         lines.append(_column("angle", angle))
@@ -55,6 +57,21 @@ def log_table(roles: Roles) -> str:
     if reference is not None:
         lines.append(_column("reference", reference) + "; for plots only")
     return "\n".join(lines) + "\n"
+
+
+def _point_lines(roles: Roles) -> list[str]:
+    """The lines of a mark in a video."""
+    if "point_x" not in roles.found:
+        return []
+    x, y = (json.dumps(roles.column(f"point_{axis}"), ensure_ascii=False) for axis in "xy")
+    lines = [_line(f"point = [{x}, {y}]", f"a mark on the body: {roles.found['point_x'].why}")]
+    if "pivot_x" in roles.found:
+        x, y = (json.dumps(roles.column(f"pivot_{axis}"), ensure_ascii=False) for axis in "xy")
+        lines.append(_line(f"# pivot = [{x}, {y}]", "a mark that stays where it is; else the pivot is fitted"))
+    else:
+        lines.append(_line("# pivot = [0, 0]", "its place, or the columns of a mark on it; else it is fitted"))
+    lines.append(_line("angle_sign = 1", "counter-clockwise positive; not determined by a file"))
+    return lines
 
 
 def _drive_lines(roles: Roles) -> list[str]:
@@ -94,7 +111,7 @@ def trial_rig(roles: Roles, columns: Mapping[str, Column], table: str) -> Rig | 
 
     Counts are read by the next power of two above their range.
     """
-    if "time" not in roles.found or not {"angle", "angle_speed"} & roles.found.keys():
+    if "time" not in roles.found or not roles.has_motion:
         return None
     kind = "linear" if roles.linear else "rotary"
     parts = [f'name = "guess"\n[axis]\nkind = "{kind}"\n', f'[drive]\nkind = "{roles.drive}"\n']
@@ -191,9 +208,17 @@ RATE_SENSOR = """[sensors.angle_speed]                 # all optional
 """
 
 
+CAMERA = """[sensors]                             # all optional
+sensor = "camera"                     # lens and view from aside; the pivot's part is that of its fit
+
+"""
+
+
 def _sensors(roles: Roles, columns: Mapping[str, Column]) -> str:
     lines = ["[sensors]                             # all optional"]
     angle = roles.found.get("angle")
+    if "point_x" in roles.found:
+        return CAMERA
     if angle is None:
         return RATE_SENSOR
     lines += _resolution(angle, columns[angle.column])

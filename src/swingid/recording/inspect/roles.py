@@ -16,6 +16,7 @@ from swingid.recording.grid import TURN
 from swingid.recording.inspect import candidates as traits
 from swingid.recording.inspect.candidates import Candidate, Role
 from swingid.recording.inspect.columns import unit_of_steps
+from swingid.recording.inspect.marks import guess_point, seen_from_a_camera
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
@@ -314,6 +315,11 @@ class Roles:
         return self.found[role].column if role in self.found else None
 
     @property
+    def has_motion(self) -> bool:
+        """Whether a column is the angle of the axis, its rate, or the place of a mark on the body."""
+        return bool({"angle", "angle_speed", "point_x"} & self.found.keys())
+
+    @property
     def drive(self) -> str:
         """The kind of drive that follows from the channels."""
         if "wheel_angle" in self.found or "wheel_speed" in self.found:
@@ -346,12 +352,20 @@ def _guess(columns: list[Column]) -> Roles:
     others |= {c.name: "of an accelerometer or magnetometer" for c in moving if traits.is_no_motion(c)}
     moving = [c for c in moving if c.name not in beside and not traits.is_no_motion(c)]
     stamps = time.values if time is not None else np.arange(float(usual))
+    marks = guess_point([c for c in rest if c.name not in beside], found)
+    if marks:
+        others |= {c.name: "of a mark" for c in marks if c.column.constant is False}
+        moving = [c for c in moving if not traits.among(c, marks)]
+        return Roles(found, _without(others | {c.name: "not known" for c in moving}, found))
+    pixels = [c for c in moving if seen_from_a_camera(c, rest)]
+    others |= {c.name: "a place in a picture" for c in pixels}
+    moving = [c for c in moving if not traits.among(c, pixels)]
     speeds = guess_speeds(moving, stamps)
     others |= {c.name: f"speed of {of}" for c, of in speeds}
     angle = guess_angle([c for c in moving if not traits.among(c, (s for s, _ in speeds))], found)
     if angle is None:
         guess_rate([c for c, _ in speeds], found)
-        return Roles(found, {name: what for name, what in others.items() if name not in _taken(found)})
+        return Roles(found, _without(others, found))
     left = [c for c in moving if c is not angle and not traits.among(c, (s for s, _ in speeds))]
     left = guess_wheel(left, angle, speeds, found)
     left = guess_reference(left, angle, found)
@@ -359,13 +373,15 @@ def _guess(columns: list[Column]) -> Roles:
     if "wheel_angle" not in found:
         guess_wheel_speed(speeds, angle, found)
     others |= {c.name: "not known" for c in left}
-    others = {name: what for name, what in others.items() if name not in _taken(found)}
+    others = _without(others, found)
     linear = found["angle"].unit in ("m", "mm")
     return Roles(found, others, None if linear else counted_from_top(angle, found["angle"].unit), linear)
 
 
-def _taken(found: dict[str, Role]) -> set[str]:
-    return {role.column for role in found.values()}
+def _without(others: dict[str, str], found: dict[str, Role]) -> dict[str, str]:
+    """What columns without a role are."""
+    taken = {role.column for role in found.values()}
+    return {name: what for name, what in others.items() if name not in taken}
 
 
 def _holds_lists(column: Column) -> bool:

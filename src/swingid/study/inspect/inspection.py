@@ -27,6 +27,7 @@ from swingid.recording.inspect.check import Clock, check_clock
 from swingid.recording.inspect.rig_text import trial_rig
 from swingid.recording.large import first_rows, is_large, rows_in
 from swingid.recording.load import FEWEST_ROWS, read_bytes
+from swingid.recording.points import with_angle
 from swingid.recording.recording import Recording, Source
 from swingid.spellings import canonical
 from swingid.study.inspect.channels import Channel, check_channels
@@ -178,9 +179,8 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
             clock, checks = _clock(table, reader, roles, by_name)
         units = [check for check in more if check.title == "units"]  # first: the rest is in these units
         checks = [*units, *checks, *(_with_guess(check, roles) for check in more if check not in units)]
-    elif not {"angle", "angle_speed"} & roles.found.keys():  # else the clock is missing, which its check reports
-        remedy = "name the column of the angle in a rig file"
-        checks.append(Check("no-angle", "columns", "fault", "no column looks like the angle of a swing.", remedy))
+    elif not roles.has_motion:  # else the clock is missing, which its check reports
+        checks.append(_no_angle(roles))
     found = Inspection(
         path=source.path or "the table",
         sha256=source.sha256 or "",
@@ -225,6 +225,16 @@ def _with_motion(
         moves += more
     checks = (*found.checks, *seen, *moves)
     return replace(found, checks=checks, services=served, rig=rig, log=log, swings=swings, tried=tried)
+
+
+def _no_angle(roles: Roles) -> Check:
+    """The fault of a log without an angle: places in a picture are none."""
+    if "a place in a picture" in roles.others.values():
+        text = "pixels are no angle, and no pair of columns goes along a circle that shows the pivot."
+        remedy = "log x and y of a mark on the body over wider swings, or state [log] point and pivot in a rig file"
+        return Check("no-pivot", "columns", "fault", text, remedy)
+    remedy = "name the column of the angle in a rig file"
+    return Check("no-angle", "columns", "fault", "no column looks like the angle of a swing.", remedy)
 
 
 def _clock(
@@ -272,6 +282,7 @@ def _with_guess(check: Check, roles: Roles) -> Check:
 def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Channel]:
     """The rig's channels that the file has, with what turns their columns into SI units."""
     try:
+        table, _ = with_angle(table, rig, "the log")
         conventions, _ = with_header_units(table, rig, "the log")
     except SwingidError:
         conventions = Conventions.of(rig)
@@ -279,7 +290,10 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
     linear = rig.axis.kind == "linear"
     for role in conventions.channels:
         name = table.find(conventions.columns.get(role, ""))
-        if role == "adaptive_gain" or name is None or columns[name].kind not in ("numbers", "whole numbers"):
+        if role == "adaptive_gain" or name is None:
+            continue
+        column = columns.get(name) or describe(replace(table, columns={name: table.columns[name]}))[0]
+        if column.kind not in ("numbers", "whole numbers"):
             continue
         units = {"angle": "m" if linear else "rad", "wheel_angle": "rad", "wheel_speed": "rad/s", "voltage": "V"}
         units |= {"torque": "N" if linear else "N m", "reference": "m" if linear else "rad"}
@@ -288,7 +302,7 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
         factor = scale.factor if scale is not None else 1.0
         if role == "wheel_angle":
             factor /= rig.log.wheel_scale.value  # of the encoder, whose steps are looked at
-        found.append(Channel(role, columns[name], factor, units[role]))
+        found.append(Channel(role, column, factor, units[role]))
     return found
 
 

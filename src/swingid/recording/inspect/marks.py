@@ -1,0 +1,108 @@
+"""Marks of a video among the columns: pairs of x and y that go along a circle, and a mark on the pivot."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.recording.inspect import candidates as traits
+from swingid.recording.inspect.candidates import Candidate, Role
+from swingid.recording.points import Circle, circle_through, pairs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+PLACES = frozenset(("", "px", "m", "mm", "cm"))
+"""Units of places."""
+
+UNNAMED = re.compile(r"column(\d+)")
+"""Names of the columns of a file without a header."""
+
+STILL, NEAR = 0.05, 0.3
+"""Largest range of a mark on the pivot, in levers of the body, for trackers scatter by some pixels; and its distance
+from the centre of the arc, which a mark that rests elsewhere exceeds."""
+
+MASS = re.compile(r"\bmass\b", re.IGNORECASE)
+"""Tracker calls its points mass A, mass B, which are no accelerations."""
+
+SPEED = re.compile(r"^v[_ ]?[xy]", re.IGNORECASE)
+
+Mark = tuple[Candidate, Candidate]
+
+
+def guess_point(candidates: Sequence[Candidate], found: dict[str, Role]) -> list[Candidate]:
+    """The mark on the body and one on the pivot, if any, into `found`; the columns of all marks.
+
+    None are sought where a column is called an angle and nothing else.
+    """
+    if any(_is_angle(one) for one in candidates):
+        return []
+    marks = _marks(candidates)
+    moving = [(circle, mark) for mark in marks if (circle := _circle(mark)) is not None and circle.is_arc]
+    if not moving:
+        return []
+    circle, (x, y) = min(moving, key=lambda one: one[0].scatter / one[0].radius)
+    unit = f" {x.unit}" if x.unit else ""
+    why = f"it goes along an arc of radius {circle.radius:.4g}{unit}, scatter {circle.scatter:.2g}{unit}"
+    found["point_x"] = Role("point_x", x.name, x.unit, why, True)
+    found["point_y"] = Role("point_y", y.name, y.unit, "as x", True)
+    still = [mark for mark in marks if _is_pivot(mark, circle)]
+    if still:
+        for axis, one in zip("xy", still[0], strict=True):
+            found[f"pivot_{axis}"] = Role(f"pivot_{axis}", one.name, one.unit, "a mark that stays where it is", True)
+    return [one for mark in marks for one in mark]
+
+
+def seen_from_a_camera(one: Candidate, candidates: Sequence[Candidate]) -> bool:
+    """Whether a column is a place in a picture: by its unit, or as x or y over many pixels."""
+    if one.unit == "px":
+        return True
+    spans = {other.name: other.column.span for other in candidates if _is_place(other)}
+    paired = max((max(spans[x], spans[y]) for x, y in pairs(spans) if one.name in (x, y)), default=0.0)
+    alone = spans.get(one.name, 0.0) if re.fullmatch(r"(?i)c?[xy]", one.name.strip()) else 0.0
+    return not one.unit and max(paired, alone) > PIXELS
+
+
+PIXELS = 12.6
+"""Range of a column called x or y from which on it is neither rad (two turns) nor metres of a rig: pixels."""
+
+
+def _is_angle(one: Candidate) -> bool:
+    named = one.scores["angle"] >= 2 and not re.search(r"(?i)(^|[^a-z])[xy]\d?([^a-z]|$)", one.name)
+    return one.unit in ("rad", "deg") or (named and not one.column.constant)
+
+
+def _marks(candidates: Sequence[Candidate]) -> list[Mark]:
+    """Pairs of columns that may be a place: by names that differ in x and y, or side by side without names."""
+    by_name = {one.name: one for one in candidates}
+    found = [(by_name[x], by_name[y]) for x, y in pairs(by_name)]
+    if not found:
+        unnamed = [one for one in candidates if UNNAMED.fullmatch(one.name)]
+        found = list(pairwise(unnamed))
+    return [mark for mark in found if all(_is_place(one) for one in mark) and mark[0].unit == mark[1].unit]
+
+
+def _is_place(one: Candidate) -> bool:
+    other = (
+        (traits.is_no_motion(one) and not MASS.search(one.name))
+        or traits.is_gyroscope(one.name)
+        or one.scores["speed"] >= 2
+    )
+    return one.unit in PLACES and not other and SPEED.match(one.name) is None
+
+
+def _is_pivot(mark: Mark, circle: Circle) -> bool:
+    """Whether a mark rests about where the body turns."""
+    x, y = (one.column for one in mark)
+    away = np.hypot((x.low + x.high) / 2 - circle.centre[0], (y.low + y.high) / 2 - circle.centre[1])
+    return bool(max(x.span, y.span) < STILL * circle.radius and away < NEAR * circle.radius)
+
+
+def _circle(mark: Mark) -> Circle | None:
+    x, y = (one.values for one in mark)
+    if max(np.nanmax(np.abs(x), initial=0.0), np.nanmax(np.abs(y), initial=0.0)) > 1e9:
+        return None
+    return circle_through(traits.thin(x), traits.thin(y))

@@ -7,6 +7,9 @@ from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+from docutils.utils.math import latex2mathml
+
 project = "swingid"
 author = "the authors of swingid"
 version = release = installed("swingid")
@@ -27,7 +30,8 @@ exclude_patterns = ["gallery/README.rst"]
 suppress_warnings = ["config.cache"]  # the order of the gallery is a function, so the configuration is read anew
 
 myst_heading_anchors = 5
-myst_enable_extensions: list[str] = []
+myst_enable_extensions = ["dollarmath"]
+html_math_renderer = "mathml"  # see `equation` below
 
 html_theme = "furo"
 html_title = "swingid"
@@ -99,6 +103,39 @@ def on_docstring(app: Any, what: str, name: str, obj: Any, options: Any, lines: 
     plain_to_rest(lines)
 
 
+TAG = re.compile(r"\\tag\{(.+?)\}")
+"""The number of an equation: the paper's, so Sphinx must not count its own."""
+
+ACCENT = re.compile(r"(\\(?:d?dot|hat|tilde)\s*(?:\\[a-z]+|[a-zA-Z]))(?=[_^])")
+"""A letter with an accent and an index, which would stand below it."""
+
+NAMED = re.compile(r"(?<=[\w}|)])\s*(\\(?:sin|cos|operatorname\{sgn\}))(?![\w])")
+"""A function behind a factor, from which nothing would separate it."""
+
+
+def mathml(text: str, *, block: bool = False) -> str:
+    """An equation in the notation of TeX as MathML."""
+    spaced = re.sub(r"(\\(?:sin|cos|operatorname\{sgn\}))(?=\s*[\w\\])", r"\1\\,", NAMED.sub(r"\\,\1", text))
+    return str(latex2mathml.tex2mathml(ACCENT.sub(r"{\1{}}", spaced), as_block=block))
+
+
+def inline_equation(writer: Any, node: Any) -> None:
+    """Visitor of HTML writers: an equation within a line, as MathML that browsers set without a script."""
+    writer.body.append(mathml(node.astext()))
+    raise nodes.SkipNode
+
+
+def equation(writer: Any, node: Any) -> None:
+    """Visitor of HTML writers: an equation of its own, with its number, under which it can be linked to."""
+    text = node.astext()
+    tags = TAG.findall(text)
+    anchor = f' id="equation-{re.sub(r"[^0-9A-Za-z]+", "-", tags[0]).strip("-")}"' if tags else ""
+    number = f'<span class="eqno">({tags[0]})</span>' if tags else ""
+    writer.body.append(f'<div class="math"{anchor}>{mathml(TAG.sub("", text), block=True)}{number}</div>\n')
+    raise nodes.SkipNode
+
+
 def setup(app: Any) -> None:
-    """Register the handler."""
+    """Register the handlers."""
     app.connect("autodoc-process-docstring", on_docstring, priority=400)
+    app.add_html_math_renderer("mathml", (inline_equation, None), (equation, None))

@@ -120,3 +120,24 @@ def test_the_site_builds_without_a_warning():
     (notebook,) = html.glob("_downloads/*/plot_class_exercise.ipynb")
     assert json.loads(notebook.read_text("utf-8"))["nbformat"] == 4
     assert "swingid.identify" in (html / "api.html").read_text("utf-8")
+
+
+def test_equations_become_mathml_with_the_papers_numbers():
+    math = pytest.importorskip("docutils.utils.math.latex2mathml")
+    source = (ROOT / "docs" / "conf.py").read_text("utf-8")
+    names = {"re": re, "latex2mathml": math}
+    exec(source[source.index("TAG =") : source.index("def inline_equation")], names)
+    found = re.sub(r"\s*\n\s*", "", names["mathml"](r"\ddot q_1 = b\sin q"))
+    assert "<msub><mrow><mover" in found  # the index beside the accented letter, not below it
+    assert names["TAG"].findall(r"x \tag{6}") == ["6"]
+    for page in (ROOT / "docs").glob("*.md"):
+        text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
+        for block, line in re.findall(r"\$\$(.*?)\$\$|(?<![\w\\])\$([^$\n`]+)\$(?!\w)", text, re.S):
+            names["mathml"](names["TAG"].sub("", block or line), block=bool(block))
+
+
+def test_the_pictures_of_the_pages_are_those_that_the_script_draws():
+    names = re.findall(r'^    "([\w-]+)": \w+,$', (ROOT / "docs" / "figures" / "theory.py").read_text("utf-8"), re.M)
+    pages = "".join(page.read_text("utf-8") for page in (ROOT / "docs").glob("*.md"))
+    assert set(re.findall(r"\(images/(theory-[\w-]+)\.svg\)", pages)) == set(names)
+    assert all((ROOT / "docs" / "images" / f"{name}.svg").is_file() for name in names)

@@ -51,6 +51,7 @@ def main() -> int:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(laid_out(page), encoding="utf-8")
     shutil.copytree(DOCS / "images", SOURCE / "images")
+    subprocess.run([sys.executable, str(DOCS / "figures" / "theory.py"), str(SOURCE / "images")], check=True)
     (SOURCE / "api.rst").write_text(api_page(), encoding="utf-8")
     command = [sys.executable, "-m", "sphinx", "-b", "html", "-q", "-W", "--keep-going", "-j", "2", "-c", str(DOCS)]
     code = subprocess.run([*command, str(SOURCE), str(HTML)], env=os.environ | {"MPLBACKEND": "agg"}, check=False)

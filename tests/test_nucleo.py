@@ -26,7 +26,7 @@ from swingid.live.codes import FaultCode, Flag, State
 from swingid.live.commission import commission
 from swingid.live.devices.twin import TwinDevice
 from swingid.live.experiment import Conductor, Order
-from swingid.live.firmware import named
+from swingid.live.firmware import IMAGES, named, timing
 from swingid.live.firmware_encoders import Turned, by_hand
 from swingid.live.frames import Decoder, Frame
 from swingid.live.guard import Board, Limits, Readings, parameters_of
@@ -117,12 +117,19 @@ def test_commissioning_and_the_papers_experiment_on_the_image_give_the_inertia(t
     found = commission(session, RIG)
     assert (found.axis_sign, found.wheel_sign, found.voltage_sign) == (1, 1, 1)
     assert found.board.firmware == zlib.crc32(IMAGE)
+    values = found.values(RIG, "serial:///dev/ttyACM0")
+    assert values["sensors.latency"] == "-0.254 ± 0.03 ms"
+    assert values["sensors.wheel.latency"] == "-0.247 ± 0.03 ms"
+    timed = RIG.changed({key: values[key] for key in values if "latency" in key or "jitter" in key})
+    assert "sensors.latency" not in found.values(timed, "serial:///dev/ttyACM0")  # what somebody has stated stays
     order = Order(SINE, Compensator.paper(RIG), 20.0)
     done = Conductor(RIG, device).run(order, tmp_path / "run.mcap")
     assert done.end.reason is Reason.FINISHED
     log = Recording.load(tmp_path / "run.mcap", RIG)
     result = identify(log, RIG)
     assert abs(result.inertia.value / 3.022e-3 - 1) < 2e-4
+    late = identify(Recording.load(tmp_path / "run.mcap", timed), timed)
+    assert abs(late.inertia.value / 3.022e-3 - 1) < 2e-4  # common to both angles, which cancels
     assert not chip.enabled()
     rows = {row.words: row.value for row in log_rows(log, result)}
     assert rows["device"].endswith(f"firmware {zlib.crc32(IMAGE):08x}")
@@ -171,22 +178,27 @@ def test_encoders_are_looked_at_by_hand_before_anything_is_armed() -> None:
         assert error.value.code == code
 
 
-def instructions(order: int) -> tuple[list[int], list[int]]:
-    """Of some samples of a run: from the first word to the encoders up to the voltage, and in all."""
-    chip, parameters = booted(), parameters_of(steps(order), BOARD, Limits.of(RIG))
+def counts(order: int, image: bytes = IMAGE, most_order: int = 3) -> list[list[int]]:
+    """Instructions of some samples of a run, parted by the words to the encoders and by the voltage."""
+    board = replace(BOARD, most_order=most_order)
+    chip, parameters = booted(image), parameters_of(steps(order), board, Limits.of(RIG))
     sent = [*parameter_frames(parameters).split(b"\0")[:-1], arm_frame(parameters)[:-1]]
     sent += [reference_frames([0.1] * 14, last=False)[:-1], encode("Run", session=7)[:-1]]
     for frame in sent:
         chip.receive(frame + b"\0")
         chip.tick(0, Readings(0, 0))
-    voltage, whole = [], []
+    found = []
     for k in range(8):
         chip.receive(encode("Heartbeat", session=7))
-        counts = chip.counted(lambda k=k: chip.tick(0, Readings(10 * k, 300 * k)))
-        voltage.append(sum(counts[1:-1]))
-        whole.append(sum(counts))
+        found.append(chip.counted(lambda k=k: chip.tick(0, Readings(10 * k, 300 * k))))
     assert Decoder().feed(chip.output())[-1].state == State.RUNNING
-    return voltage, whole
+    return found
+
+
+def instructions(order: int, image: bytes = IMAGE, most_order: int = 3) -> tuple[list[int], list[int]]:
+    """Of some samples of a run: from the first word to the encoders up to the voltage, and in all."""
+    found = counts(order, image, most_order)
+    return [sum(parts[1:-1]) for parts in found], [sum(parts) for parts in found]
 
 
 LINE = 100
@@ -213,6 +225,24 @@ def test_the_voltage_begins_at_the_same_edge_of_the_pwm_in_each_sample() -> None
     assert (begin - first) // 50.0 == (end - first) // 50.0 == 1
 
 
+FRAME = 16e-6 / 2.8125
+"""Seconds of a word to an encoder."""
+
+
+def test_the_timing_that_commissioning_writes_is_that_of_the_executed_image() -> None:
+    """Of a sample's begin: the ends of the first words to both encoders, to 1 us; the voltage as of the test above."""
+    parts = np.array(counts(1))
+    stated = IMAGES["nucleo"]
+    for cycles in (1.0, CYCLES):
+        begin, between = (cycles * parts[:, k] / 180e6 for k in (0, 1))
+        assert begin + FRAME == pytest.approx(stated.axis, abs=1e-6)
+        assert begin + between + 2 * FRAME == pytest.approx(stated.wheel, abs=1e-6)
+        assert np.ptp(begin) < 0.01 * stated.jitter
+    assert stated.voltage == pytest.approx(115e-6)
+    assert timing(zlib.crc32(IMAGE)) is stated
+    assert timing(1) is None
+
+
 def test_a_controller_that_the_board_cannot_compute_in_a_sample_is_refused_by_name() -> None:
     session = Session(TwinDevice(Plant(RIG), BOARD, machine=booted(), clock=CLOCK))
     session.connect()
@@ -222,11 +252,11 @@ def test_a_controller_that_the_board_cannot_compute_in_a_sample_is_refused_by_na
     session.load(parameters_of(steps(3), BOARD, Limits.of(RIG)))
 
 
-def built(arm: str, folder: Path) -> bytes:
-    """The image that a compiler makes."""
+def built(arm: str, folder: Path, *options: str) -> bytes:
+    """The image that a compiler makes; options: of make."""
     here = folder / "firmware"
     shutil.copytree(FIRMWARE, here, ignore=shutil.ignore_patterns("build"))
-    command = ["make", "-s", "-C", str(here), "nucleo", f"ARM={arm}", f"PYTHON={sys.executable}"]
+    command = ["make", "-s", "-C", str(here), "nucleo", f"ARM={arm}", f"PYTHON={sys.executable}", *options]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "warning:" not in done.stderr
@@ -241,6 +271,21 @@ def test_the_image_of_the_package_is_what_its_compiler_makes_of_the_sources(tmp_
     if version != COMPILER:
         pytest.skip(f"the image was built by arm-none-eabi-gcc {COMPILER}, here is {version}")
     assert built("gcc", tmp_path) == IMAGE
+
+
+def test_in_single_precision_every_order_has_the_time_and_other_voltages(tmp_path: Path) -> None:
+    """The build that is not shipped: README.md has its figures beside those of doubles."""
+    if shutil.which("arm-none-eabi-gcc") is None or shutil.which("make") is None:
+        pytest.skip("arm-none-eabi-gcc (Debian: gcc-arm-none-eabi) or make is not on PATH")
+    single = built("gcc", tmp_path, "SINGLE=1")
+    for order in range(5):
+        _, whole = instructions(order, single, most_order=4)
+        assert CYCLES * (max(whole) + 170 * LINE) < MOST
+    runs = [[f for f in run(0.6, booted(image))[0] if f.name == "Sample"] for image in (IMAGE, single)]
+    assert len(runs[0]) == len(runs[1])
+    apart = [abs(one.voltage - other.voltage) for one, other in zip(*runs, strict=True)]
+    assert 0.0 < max(apart) < 1e-3
+    assert [f.state for f in runs[0]] == [f.state for f in runs[1]]
 
 
 def test_the_compiler_of_pypi_makes_an_image_that_does_the_same(tmp_path: Path) -> None:

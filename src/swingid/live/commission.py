@@ -24,7 +24,7 @@ import numpy as np
 
 from swingid.errors import DeviceError, InputError, UsageError
 from swingid.format import plus_minus
-from swingid.live.firmware import named
+from swingid.live.firmware import named, timing
 from swingid.live.guard import Board, Limits
 from swingid.live.pace import alone
 from swingid.live.pulses import PULSE, Pulses, guard_trips, moving
@@ -70,6 +70,10 @@ class Commissioning:
         for key, channel in (("sensors.noise", self.axis), ("sensors.wheel.noise", self.wheel)):
             if channel.noise > 0.1 * channel.step:
                 found[key] = float(f"{channel.noise:.3g}")
+        sensors, board = rig.sensors, timing(self.board.firmware)
+        if board is not None and not any(q.value or q.std for q in (sensors.latency, sensors.of_wheel.latency)):
+            found |= {"sensors.latency": board.latency("axis"), "sensors.wheel.latency": board.latency("wheel")}
+            found["sensors.jitter"] = board.jitter
         signs = {"axis_sign": self.axis_sign, "wheel_sign": self.wheel_sign, "voltage_sign": self.voltage_sign}
         found |= {"device.address": address, **{f"device.{key}": sign for key, sign in signs.items()}}
         device = rig.device
@@ -90,6 +94,9 @@ class Commissioning:
         for name, channel in (("axis", self.axis), ("wheel", self.wheel)):
             noise = f"noise {channel.noise / channel.step:.2g} counts" if channel.noise else "no noise beside rounding"
             said.append(f"{name}: {channel.counts} counts per turn, hangs at {channel.zero:.1f}, {noise}")
+        if (known := timing(board.firmware)) is not None:
+            late = f"axis {known.latency('axis')}, wheel {known.latency('wheel')}"
+            said.append(f"this board's readings against its voltage: {late}")
         said.append(f"moves at {self.amplitude:g} V, {1e3 * self.delay:.1f} ms after the voltage")
         said.append(f"guard: 0 V at {math.degrees(self.guard_angle):.2g} deg when it was tested")
         said.append(

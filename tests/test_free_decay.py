@@ -151,4 +151,4 @@ def test_a_driven_log_has_no_loss_of_a_decay() -> None:
 
 def test_a_drag_of_0_is_none() -> None:
     rig = rig_of(FRICTIONS["viscous"] + "\ndrag = 0")
-    assert not evidence_of(decay(rig), rig).signals.further
+    assert not evidence_of(decay(rig), rig).law.equation.slots

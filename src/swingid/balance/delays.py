@@ -29,12 +29,12 @@ FARTHEST = 0.25
 
 
 def dry_levels(signals: Signals, value: Callable[[str], float]) -> Array:
-    """Dry friction of the further terms at each turning point (N m or N), half of its jump there.
+    """Dry friction of load on the bearing at each turning point (N m or N), half of its jump there.
 
     value: of a coefficient by its name.
     """
     angles = signals.motion.turning_angles
-    dry = [term for term in signals.further if term.term.is_dry]
+    dry = [term for term in signals.terms.values() if term.term.is_dry]
     return sum((value(term.name) * term.term.of_angle(angles, *term.at) for term in dry), np.zeros(len(angles)))
 
 
@@ -57,7 +57,7 @@ def late_reversals(
 
 
 def dry_friction(torque: Torque, levels: Array | float = 0.0) -> float:
-    """Dry friction (N m or N), half of the jump at a reversal; levels: of the further terms."""
+    """Dry friction (N m or N), half of the jump at a reversal; levels: as of `dry_levels`."""
     above, below = torque(np.array([1e-9, -1e-9]))
     return float(abs(above - below + 2 * (np.mean(levels) if np.size(levels) else 0.0))) / 2
 

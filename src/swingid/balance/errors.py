@@ -73,7 +73,7 @@ def shaped_errors(
     rows: Rows, signals: Signals, channel: str, shapes: Iterable[Array], values: Mapping[str, float]
 ) -> Array:
     """Effects (rows, n) of errors of a channel, "angle" or "wheel", that are given at the nodes."""
-    found = slopes_by(channel, signals.further, linear=signals.linear)
+    found = slopes_by(channel, signals.terms)
     slopes = [(order, slope(signals.angle), values[name]) for name, order, slope in found if values.get(name)]
     each = list(shapes)
     columns = [(shape * slope, order) for shape in each for order, slope, _ in slopes]
@@ -115,7 +115,7 @@ def _keep(rows: Rows, signals: Signals, found: Sequence[Perturbation]) -> None:
 
 def _slopes(signals: Signals, one: Perturbation) -> list[tuple[str, int, Slope]]:
     """Terms that depend on the channel of an error, see `slopes_by`."""
-    return slopes_by(_channel(signals, one), signals.further, linear=signals.linear)
+    return slopes_by(_channel(signals, one), signals.terms)
 
 
 def _channel(signals: Signals, one: Perturbation) -> str:

@@ -35,10 +35,10 @@ from swingid.result.data import FrictionCurve
 class FrictionLaw(Law):
     """The chosen law and the curve, with covariance and influence of the rows of everything that is friction.
 
-    further: coefficients of the rig's own terms of friction (drag, load) by name, behind the unknowns of the law.
+    of_rig: coefficients of the rig's own terms of friction (drag, load) by name, behind the unknowns of the law.
     """
 
-    further: Mapping[str, float]
+    of_rig: Mapping[str, float]
     covariance: Array
     influence: Array
     rows: Rows
@@ -46,8 +46,8 @@ class FrictionLaw(Law):
 
     @property
     def coefficients_by_name(self) -> dict[str, float]:
-        """Values of the unknowns of the law, then of the further terms, in the order of the covariance."""
-        return {**dict(zip(self.unknowns, self.values.tolist(), strict=True)), **self.further}
+        """Values of the unknowns of the law, then of the rig's own terms, in the order of the covariance."""
+        return {**dict(zip(self.unknowns, self.values.tolist(), strict=True)), **self.of_rig}
 
 
 def fit_friction(
@@ -56,7 +56,7 @@ def fit_friction(
     """Best law by the Bayesian information criterion, and the curve, with an inertia fitted beside each.
 
     The inertia (and an unknown gravity torque) is fitted again with every law, so that its bias on these windows does
-    not bias the friction. Further terms of friction are fitted with every law, too, and are part of it. memory:
+    not bias the friction. The rig's own terms of friction are fitted with every law, too, and are part of it. memory:
     coefficients of the impulses at the reversals, as found before. impulse: standard uncertainty of the one at each
     reversal. noise: standard deviation of one sample of the angle.
     """
@@ -65,8 +65,8 @@ def fit_friction(
     names, body = columns_of(rows, equation, ())
     choice = LawChoice.of(body, friction.columns, target, friction.knots, slowest_peak(signals.motion, noise))
     law, values = choice.best.law, dict(zip(names, choice.best.values.tolist(), strict=False))
-    further = {name: values[name] for name in equation.further_friction}
-    own = [*range(size := len(law.unknowns)), *(size + names.index(name) for name in further)]
+    own_terms = {name: values[name] for name in equation.own_friction}
+    own = [*range(size := len(law.unknowns)), *(size + names.index(name) for name in own_terms)]
     covariance, influence = _fitted(friction, body, target, law, impulse)
     curve = _curve(friction, law, covariance[:size, :size], choice, len(target))
     return FrictionLaw(
@@ -74,7 +74,7 @@ def fit_friction(
         law.terms,
         law.coefficients,
         law.stribeck_speed,
-        further,
+        own_terms,
         covariance[np.ix_(own, own)],
         influence[own],
         rows,

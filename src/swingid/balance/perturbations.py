@@ -11,7 +11,7 @@ without a second fit (type B, JCGM 100 5.1.3). What a method does with φ is its
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -117,9 +117,10 @@ Slope = Callable[[Array], Array | float]
 """∂f/∂channel of a term as a function of the angle."""
 
 
-def slopes_by(channel: str, further: Iterable[RigTerm], *, linear: bool) -> list[tuple[str, int, Slope]]:
+def slopes_by(channel: str, terms: Mapping[str, RigTerm]) -> list[tuple[str, int, Slope]]:
     """Terms that depend on a channel: name, order of the time derivative that the error meets, ∂f/∂channel.
 
+    terms: of the equation, by name.
     That of friction is left out: of a scale of the angle it is a multiple of its own columns, else negligible.
     """
     if channel == "wheel":
@@ -128,9 +129,8 @@ def slopes_by(channel: str, further: Iterable[RigTerm], *, linear: bool) -> list
         return [("torque", 0, _one)]
     if channel == "voltage":
         return [("torque_per_volt", 0, lambda _: -1.0)]
-    gravity = [] if linear else [("gravity_torque", 0, np.cos)]
-    held = [(term.name, 0, term.stiffness) for term in further if term.term.is_conservative]
-    return [("inertia", 2, _one), *gravity, *held]
+    held = [(name, 0, one.stiffness) for name, one in terms.items() if one.term.is_conservative]
+    return [("inertia", 2, _one), *held]
 
 
 def _one(_: Array) -> float:

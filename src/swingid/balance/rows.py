@@ -18,7 +18,7 @@ import numpy as np
 
 from swingid.model.equation import shifted
 from swingid.model.rig import Rig
-from swingid.model.terms import RigTerm, rig_terms
+from swingid.model.terms import RigTerm, gravity_term, rig_terms
 from swingid.numerics.arrays import Array, Bools, Ints, quantile
 from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes
@@ -90,7 +90,6 @@ class Signals:
     angle: Array
     angle_values: Array
     angle_slopes: Array
-    sine: Array
     speed: Array
     wheel: Array | None
     wheel_values: Array | None
@@ -103,7 +102,7 @@ class Signals:
     source: tuple[Recording, Rig]
     encoders: Encoders
     longest: float
-    further: tuple[RigTerm, ...] = ()
+    terms: Mapping[str, RigTerm]
 
     @cached_property
     def stacked(self) -> tuple[tuple[str, ...], Array, Ints]:
@@ -111,7 +110,6 @@ class Signals:
         size = np.abs(self.speed)
         columns = {
             "inertia": (self.angle, 2),
-            "gravity_torque": (self.sine, 0),
             "viscous": (-self.angle, 1),
             "quadratic": (self.speed * size, 0),
             "cubic": (self.speed * size * size, 0),
@@ -121,7 +119,7 @@ class Signals:
             columns["wheel"] = (self.wheel, 2)
         elif self.torque is not None:
             columns["torque"] = (self.torque, 0)
-        for term in self.further:
+        for term in self.terms.values():
             columns |= {name: (column, 0) for name, column in smooth_columns(term, self.angle, self.speed).items()}
         orders = np.array([order for _, order in columns.values()])
         return tuple(columns), np.stack([x.ravel() for x, _ in columns.values()]), orders
@@ -187,15 +185,14 @@ class Signals:
 
     @cached_property
     def pulls(self) -> dict[str, float]:
-        """Mean derivatives by the angle of gravity and the further terms, per unit of their coefficients."""
-        gravity = 0.0 if self.linear else float(np.mean(self.cosine))
-        further = {term.name: float(np.mean(term.stiffness(self.angle))) for term in self.further}
-        return {"gravity_torque": gravity, **further}
+        """Mean derivatives of the terms by the angle, per unit of their coefficients."""
+        return {name: float(np.mean(term.stiffness(self.angle))) for name, term in self.terms.items()}
 
     def stiffness(self, value: Callable[[str], float]) -> Array:
         """Change of the conservative torques per rad or m at the nodes; value: of a coefficient by its name."""
-        found = np.zeros_like(self.angle) if self.linear else value("gravity_torque") * self.cosine
-        return sum((value(term.name) * term.stiffness(self.angle) for term in self.further), found)
+        values = {name: value(name) for name, one in self.terms.items() if one.term.is_conservative}
+        pulls = (own * self.terms[name].stiffness(self.angle) for name, own in values.items() if own)
+        return sum(pulls, np.zeros_like(self.angle))
 
     @cached_property
     def kept(self) -> dict[tuple[str, float], Array]:
@@ -281,7 +278,6 @@ class Signals:
             angle=angle,
             angle_values=log.angle,
             angle_slopes=slopes,
-            sine=np.sin(angle) if rig.axis.kind == "rotary" else np.zeros_like(angle),
             speed=motion.speed.at_nodes(nodes),
             wheel=wheel,
             wheel_values=wheel_values,
@@ -294,7 +290,7 @@ class Signals:
             source=(log, rig),
             encoders=encoders,
             longest=longest,
-            further=rig_terms(rig),
+            terms={one.name: one for one in (gravity_term(rig), *rig_terms(rig))},
         )
 
 
@@ -304,9 +300,9 @@ class Rows:
 
     inertia ∫φ'' q1 (= ∫φ q1''), gravity_torque ∫φ sin q1, wheel ∫φ'' q2, torque ∫φ τ; friction coulomb ∫φ sgn v,
     viscous ∫φ v, quadratic ∫φ v|v|, cubic ∫φ v³, offset ∫φ, viscous_even ∫φ |v|; memory Σ w φ(reversal)·new direction
-    with the weights w of `Motion.reversals`, memory_equal the same with 1 − w; ∫φ f of the further terms, and under
-    their names with "'" behind ∫φ ∂f/∂shift. pulls: mean ∂f/∂q1 of the terms that depend on the angle, by which its
-    noise enters them. kept: what errors of channels add to each term, see `errors`.
+    with the weights w of `Motion.reversals`, memory_equal the same with 1 − w; ∫φ f of the terms in the registry, and
+    under their names with "'" behind ∫φ ∂f/∂shift. pulls: mean ∂f/∂q1 of the terms that depend on the angle, by which
+    its noise enters them. kept: what errors of channels add to each term, see `errors`.
     """
 
     windows: Windows
@@ -344,7 +340,7 @@ def rows_of(signals: Signals, windows: Windows) -> Rows:
 
 
 def smooth_columns(term: RigTerm, angle: Array, speed: Array) -> dict[str, Array]:
-    """Regressor of a further term that does not jump at a reversal, and where its shift is uncertain ∂f/∂shift."""
+    """Regressor of a term that does not jump at a reversal, and where its shift is uncertain ∂f/∂shift."""
     if term.term.is_dry:
         return {}
     columns = {term.name: term.regressor(angle, speed, np.sign(speed))}
@@ -381,8 +377,8 @@ def _jumps(signals: Signals, windows: Windows) -> dict[str, Array]:
         "memory": project_impulses(instants, directions * weights, windows.centres, windows.half),
         "memory_equal": project_impulses(instants, directions * (1.0 - weights), windows.centres, windows.half),
     }
-    for term in signals.further:
+    for name, term in signals.terms.items():
         if term.term.is_dry:
             at_nodes = term.term.of_angle(signals.angle, *term.at)
-            found[term.name] = dry_column(signals, windows, at_nodes, term.term.of_angle(signals.edge_angles, *term.at))
+            found[name] = dry_column(signals, windows, at_nodes, term.term.of_angle(signals.edge_angles, *term.at))
     return found

@@ -67,9 +67,7 @@ def slope(order: int, x: Array) -> Array:
 
 def has_stiffness(fit: WindowFit) -> bool:
     """Whether a drift of the angle's zero acts in the balance at all: on a linear axis without a spring it does not."""
-    return bool(fit.value("gravity_torque") and not fit.equation.linear) or any(
-        term.term.is_conservative for term in fit.equation.further
-    )
+    return any(fit.value(one.name) or fit.equation.seeks(one.name) for one in fit.equation.conservative)
 
 
 def slow_columns(signals: Signals, fit: WindowFit, kind: SlowKind, more: int = 0) -> dict[str, Array]:

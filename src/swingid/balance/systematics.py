@@ -77,7 +77,8 @@ def angle_weights(signals: Signals, fits: Sequence[WindowFit], unknown: str = "i
             new[0].rows.windows,
             np.array([fit.fit.influence[fit.unknowns.index(unknown)] for fit in new]),
         )
-        pulled = signals.further or (any(fit.value("gravity_torque") for fit in new) and not signals.linear)
+        held = [one.name for one in new[0].equation.conservative]
+        pulled = any(fit.value(name) for fit in new for name in held)
         found = superposed(signals.nodes, windows.centres, windows.half, factors, (2, 0) if pulled else (2,))
         for k, fit in enumerate(new):
             axis = found[0, k] * fit.a11

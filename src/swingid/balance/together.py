@@ -85,9 +85,8 @@ def _in_motion(windows: Windows, signals: Signals) -> Windows:
 
 def _block(part: Part) -> float | None:
     """Longest block of rows (s); None for what the change of the speed alone allows."""
-    if part.rig.axis.kind == "linear" or (
-        part.equation.stated.get("gravity_torque") == 0 and not part.equation.further
-    ):
+    values = part.equation.stated
+    if part.equation.linear or all(values.get(name) == 0 for name in part.equation.terms):
         return None
     fastest = float(np.max(np.abs(part.motion.speed.speed)))
     return min(part.motion.quickest / 8, TURN / max(fastest, 1e-300))

@@ -88,7 +88,7 @@ def spring_not_stated(evidence: Evidence, judged: Judged) -> list[Finding]:
     signals, equation = evidence.signals, evidence.law.equation
     springs = [one for one in evidence.place if one.kind == "spring"]
     found = min(springs, key=lambda one: one.variance, default=None)
-    stated = any(is_spring(term.term) for term in signals.further)
+    stated = any(is_spring(one.term) for one in equation.conservative)
     if found is None or stated or signals.linear or equation.seeks("gravity_torque"):
         return []
     spring = found.more.declared[-1]

@@ -29,7 +29,7 @@ def right_hand_side(model: Model) -> list[tuple[str, str]]:
         ("dry", "static" if model.value("stribeck_speed") == 0.0 else _STRIBECK),
         ("viscous", f"({_half('viscous', '+')} + {_half('viscous', '-')}*s1)*v1"),
         ("wet", "viscous + quadratic*v1*abs(v1) + cubic*v1*v1*v1 + offset"),
-        ("more", " + ".join(map(_term, model.further)) or "0"),
+        ("more", " + ".join(map(_term, model.slots)) or "0"),
         ("r1", "direct*u - b*sin(q1) - s1*dry - wet - more" if not model.linear else "direct*u - s1*dry - wet - more"),
     ]
     if model.value("stribeck_speed") == 0.0:  # the peak is at rest alone

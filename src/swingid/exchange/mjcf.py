@@ -82,9 +82,9 @@ def _axis_joint(model: Model, left_out: list[str]) -> str:
         damping = [max(one, 0.0) for one in damping]
     while len(damping) > 1 and damping[-1] == 0.0:
         damping.pop()
-    springs = [one for one in model.further if one.kind == DISPLACEMENT and one.power == 0 and not one.odd]
+    springs = [one for one in model.slots if one.kind == DISPLACEMENT and one.power == 0 and not one.odd]
     left_out += model.drags
-    if len(model.further) - len(model.drags) > len(springs) or len(springs) > 1:
+    if len(model.slots) - len(model.drags) > len(springs) or len(springs) > 1:
         left_out.append("further torques of the angle: cogging, strings, load-dependent friction")
     spring = f' stiffness="{springs[0].coefficient!r}" springref="{springs[0].shift!r}"' if springs else ""
     kind = 'type="slide" axis="1 0 0"' if model.linear else 'type="hinge" axis="0 -1 0"'

@@ -102,7 +102,7 @@ class Model:
         return [one.term.words for one in rig_terms(self.rig) if one.term.odd and one.term.power]
 
     @property
-    def further(self) -> list[Further]:
+    def slots(self) -> list[Further]:
         """The further terms that the rig has."""
         count = int(self.p[at.FURTHER])
         slots = self.p[at.FIRST_SLOT : at.SIZE].reshape(-1, at.SLOT)[:count]

@@ -23,7 +23,7 @@ def urdf(model: Model, name: str) -> tuple[str, list[str]]:
         if model.value(key):
             left_out.append(f"{word} friction")
     left_out += model.drags
-    if len(model.further) > len(model.drags):
+    if len(model.slots) > len(model.drags):
         left_out.append("further torques of the angle: springs, cogging, strings, load-dependent friction")
     left_out.append("elements of the inertia tensor about other axes: they are set equal to the identified one")
     kind = "prismatic" if model.linear else "continuous"

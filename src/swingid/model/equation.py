@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 
 from swingid.format import time_power
 from swingid.model.parameters import AXIS_TILT, WHEEL_TILT
-from swingid.model.terms import TERMS, RigTerm, motor_terms, rig_terms, stated_at
+from swingid.model.terms import NAMED, TERMS, RigTerm, gravity_term, motor_terms, rig_terms, stated_at
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
@@ -71,7 +71,8 @@ class Equation:
     """The coefficients of equation (I) by the names of their terms, the inertia of the whole axis first.
 
     beside: what of that inertia is not the body's, J2 + Jr of a wheel, N² Jr of a motor on the axis. constants: those
-    that the coefficients are made of. further: the rig's further terms, those of a motor on the axis among them.
+    that the coefficients are made of. terms: by name those whose regressor is in the registry, gravity first: springs,
+    cogging, the rig's own friction, a motor on the axis.
     """
 
     coefficients: Mapping[str, Coefficient]
@@ -79,7 +80,7 @@ class Equation:
     constants: tuple[Constant, ...]
     linear: bool
     drive: Literal["reaction-wheel", "direct", "motor", "none"]
-    further: tuple[RigTerm, ...] = ()
+    terms: Mapping[str, RigTerm] = field(default_factory=dict)
 
     @cached_property
     def sought(self) -> tuple[str, ...]:
@@ -87,9 +88,19 @@ class Equation:
         return tuple(name for name, one in self.coefficients.items() if one.value is None)
 
     @cached_property
-    def further_friction(self) -> tuple[str, ...]:
-        """Further terms of friction, whose coefficients are sought: they are odd in the speed."""
-        return tuple(one.name for one in self.further if one.term.odd and self.seeks(one.name))
+    def own_friction(self) -> tuple[str, ...]:
+        """The rig's own terms of friction (drag, load), whose coefficients are sought: they are odd in the speed."""
+        return tuple(name for name, one in self.terms.items() if one.term.odd and self.seeks(name))
+
+    @cached_property
+    def conservative(self) -> tuple[RigTerm, ...]:
+        """Torques of the angle alone: gravity, springs, cogging."""
+        return tuple(one for one in self.terms.values() if one.term.is_conservative)
+
+    @cached_property
+    def slots(self) -> tuple[RigTerm, ...]:
+        """Terms that the equations of the compiled model do not name, in the order of its slots."""
+        return tuple(one for one in self.terms.values() if one.name not in NAMED)
 
     @cached_property
     def stated(self) -> dict[str, float]:
@@ -101,13 +112,14 @@ class Equation:
         return name in self.sought
 
     def but(self, **coefficients: Coefficient) -> Equation:
-        """The equation with other coefficients, or with further terms."""
+        """The equation with other coefficients, or with more of them."""
         return replace(self, coefficients={**self.coefficients, **coefficients})
 
     def without(self, names: set[str]) -> Equation:
         """The equation without these terms."""
         kept = {name: one for name, one in self.coefficients.items() if name not in names}
-        return replace(self, coefficients=kept, further=tuple(one for one in self.further if one.name not in names))
+        terms = {name: one for name, one in self.terms.items() if name not in names}
+        return replace(self, coefficients=kept, terms=terms)
 
     def slopes(self, key: str) -> dict[str, float]:
         """Derivatives of the coefficients by a constant, by the names of their terms."""
@@ -136,9 +148,9 @@ class Equation:
     def of(cls, rig: Rig) -> Equation:
         """The equation of a rig, whether or not anything in it sets the scale (see `preparation.scale.equation_of`)."""
         found = _Building(rig)
-        further = (*rig_terms(rig), *motor_terms(rig))
+        terms = {one.name: one for one in (gravity_term(rig), *rig_terms(rig), *motor_terms(rig))}
         drive, linear = rig.drive.kind, rig.axis.kind == "linear"
-        return cls(found.coefficients, found.beside, tuple(found.constants), linear, drive, further)
+        return cls(found.coefficients, found.beside, tuple(found.constants), linear, drive, terms)
 
 
 class _Building:
@@ -158,13 +170,13 @@ class _Building:
         elif rig.drive.kind == "motor":
             self._reflected(rig)
         for term in motor:
-            self._further(term)
+            self._stated(term)
         gravity, along = rig.axis.gravity_torque, rig.axis.along.value
         if not isinstance(gravity, str):
             self._made_of(GRAVITY, gravity)
             self.coefficients["gravity_torque"] = Coefficient(gravity.value * along, {GRAVITY: along})
         for term in rig_terms(rig):
-            self._further(term)
+            self._stated(term)
         self._deviations(rig)
 
     def _made_of(self, key: str, quantity: Quantity) -> None:
@@ -197,8 +209,8 @@ class _Building:
         sources = {"drive.motor.rotor_inertia": gear.value**2, "drive.motor.gear_ratio": 2 * gear.value * rotor.value}
         self.beside = Coefficient(rig.drive.reflected, sources)
 
-    def _further(self, own: RigTerm) -> None:
-        """A further term, and beside one whose shift is uncertain its derivative by the shift."""
+    def _stated(self, own: RigTerm) -> None:
+        """A term as it is stated or sought, and beside one whose shift is uncertain its derivative by the shift."""
         if own.value is None:
             self.coefficients[own.name] = SOUGHT
             return

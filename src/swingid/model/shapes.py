@@ -58,7 +58,7 @@ def angle_integral(kind: float, q: Number, order: float, shift: float) -> Number
     if kind == DISPLACEMENT:
         return q * (0.5 * q - shift)
     if kind == WAVE:
-        return (np.cos(shift) - np.cos(order * q + shift)) / order
+        return (np.cos(shift) - np.cos(order * q + shift)) / order if order != 0.0 else np.sin(shift) * q
     height = np.sqrt(np.maximum(1.0 - order * (1.0 - np.cos(q)), FLATTEST))
     return 2.0 * (1.0 - np.cos(q)) / (1.0 + height)
 

@@ -224,7 +224,7 @@ def further_terms() -> Iterator[Term]:
 
 @dataclass(frozen=True, slots=True)
 class RigTerm:
-    """A further term as a rig has it: its name as an unknown, and the numbers in g(q).
+    """A term as a rig has it: its name as an unknown, and the numbers in g(q).
 
     value: what the rig states of the coefficient, None where it has to be identified.
     """
@@ -242,11 +242,20 @@ class RigTerm:
 
     def regressor(self, q: Array, v: Array, direction: Array) -> Array:
         """f(q, v) at angles q and speeds v; direction: sgn v, which a noisy speed does not show near rest."""
+        if not (self.term.odd or self.term.power):
+            return self.term.of_angle(q, *self.at)
         return np.asarray(self.term.of_motion(v, direction) * self.term.of_angle(q, *self.at))
 
     def stiffness(self, q: Array) -> Array:
         """How much a conservative torque grows with the angle, per unit of the coefficient; 0 of another term."""
         return self.term.angle_slope(q, *self.at) if self.term.is_conservative else np.zeros_like(q)
+
+
+def gravity_term(rig: object) -> RigTerm:
+    """Gravity, sin q; on a straight axis, on which it does not depend on the place, sin 0 q."""
+    turns, stated = getattr(getattr(rig, "axis", None), "kind", "") == "rotary", stated_at(rig, "axis.gravity_torque")
+    value = stated if isinstance(stated, Quantity) else None
+    return RigTerm("gravity_torque", TERMS["gravity_torque"], float(turns), Quantity(0.0), value)
 
 
 def rig_terms(rig: object) -> tuple[RigTerm, ...]:

@@ -218,7 +218,7 @@ def _columns(q1: Array, driven: Array, width: float, equation: Equation) -> tupl
         sign = np.nan_to_num(np.clip(2 * speed / np.abs(np.gradient(speed)), -1.0, 1.0))
     averaged = [sign, speed * size, speed * size * size, np.ones_like(q1), size]
     # terms of the angle only repeat with the motion: they are fitted whatever the rig states of them
-    averaged += [term.regressor(q1, speed, sign) for term in equation.further]
+    averaged += [term.regressor(q1, speed, sign) for term in equation.slots]
     curved, gravity = [q1], len(averaged)
     if not equation.linear:
         sine, cosine = np.sin(q1), np.cos(q1)

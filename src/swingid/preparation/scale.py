@@ -27,8 +27,7 @@ def equation_of(rig: Rig, *, elsewhere: bool = False) -> Equation:
     elsewhere: whether something that is no key of the rig sets the scale, as a known body added to the axis.
     """
     found = Equation.of(rig)
-    torques = ("gravity_torque", *(one.name for one in found.further if one.term.is_conservative))
-    held = any(found.value(name) for name in torques)
+    held = any(found.value(one.name) for one in found.conservative)
     if not elsewhere:
         refuse_without_scale(rig)
     if rig.drive.channel is None and not held and not elsewhere:

@@ -137,13 +137,12 @@ class PassRows(Rows):
     def of(cls, course: Course, instants: Array, equation: Equation) -> PassRows:
         """The terms of an equation at `instants` (blocks, nodes) inside the log."""
         rows = cls(Windows(instants.ravel(), np.zeros(instants.size)), {}, course=course, instants=instants)
-        v1, v2, angle = rows.speed, rows.wheel_speed, rows.angle
-        found = {"inertia": 0.5 * v1**2, "gravity_torque": np.zeros_like(v1) if equation.linear else -np.cos(angle)}
-        found |= {"wheel": v1 * v2, "wheel_inertia": 0.5 * v2**2, "offset": angle}
+        v1, v2 = rows.speed, rows.wheel_speed
+        found = {"inertia": 0.5 * v1**2, "wheel": v1 * v2, "wheel_inertia": 0.5 * v2**2, "offset": rows.angle}
         works = rows.at(lambda times: running_integrals(course.nodes, course.powers(), times))
         found |= dict(zip(LOSSES + (("torque",) if course.motor is None else MOTOR), works, strict=True))
-        for term in equation.further:
-            found |= _further_works(rows, term)
+        for term in equation.terms.values():
+            found |= _works(rows, term)
         return rows.beside(found)
 
     def at(self, function: Callable[[Array], Array]) -> Array:
@@ -192,13 +191,15 @@ class PassRows(Rows):
         return replace(self, windows=windows, columns=columns, kept={}, instants=instants)
 
 
-def _further_works(rows: PassRows, own: RigTerm) -> dict[str, Array]:
-    """∫f q1' dt of a further term: a potential energy, with its derivative by the shift, or a loss."""
+def _works(rows: PassRows, own: RigTerm) -> dict[str, Array]:
+    """∫f q1' dt of a term: a potential energy, with its derivative by the shift, or a loss."""
     term, course = own.term, rows.course
     if not term.is_conservative:
         along = course.axis.angle_at(course.nodes.flat[0]).reshape(course.speed.shape)
         power = own.regressor(along, course.speed, np.sign(course.speed)) * course.speed
         return {own.name: rows.at(lambda times: running_integrals(course.nodes, [power], times))[0]}
+    if not own.shift.std:
+        return {own.name: term.of_angle_integral(rows.angle, *own.at)}
     # ∂g/∂shift is −1 of a displacement, and of a wave dg/dq over its order
     by_shift = term.of_angle(rows.angle, *own.at) / own.order if term.kind == WAVE else -rows.angle
     return {own.name: term.of_angle_integral(rows.angle, *own.at), shifted(own.name): by_shift}

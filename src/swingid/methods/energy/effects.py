@@ -69,11 +69,12 @@ def _rate(source: Speed, one: Perturbation, instants: Array) -> Array:
 
 
 def _pull(rows: PassRows, equation: Equation, values: Mapping[str, float]) -> Array:
-    """Torque on the axis by gravity and the further terms; (6) and (7) have none that is sought, so it counts as 0."""
-    pull = 0.0 if equation.linear else values["gravity_torque"] * np.sin(rows.angle)
-    for term in equation.further:
-        pull = pull + values.get(term.name, 0.0) * term.regressor(rows.angle, rows.speed, np.sign(rows.speed))
-    return np.asarray(pull)
+    """Torque on the axis by the terms of the registry; (6) and (7) have none that is sought, so it counts as 0."""
+    pull = np.zeros(len(rows))
+    for name, term in equation.terms.items():
+        if value := values.get(name, 0.0):
+            pull += value * term.regressor(rows.angle, rows.speed, np.sign(rows.speed))
+    return pull
 
 
 def _of_friction(rows: PassRows, values: Mapping[str, float], one: Perturbation) -> Array:

@@ -88,7 +88,7 @@ class Selection:
         apart = [self.chosen.contradicted(other) for other in self.cutoffs.values()]
         found |= {"drift with the cut-off": max(apart, default=0.0), CONFLICT: self.conflict}
         each = {"inertia": found}
-        each |= {own.name: self.chosen.common(own.name) for own in self.chosen.equation.further if own.value is None}
+        each |= {name: self.chosen.common(name) for name in self.chosen.equation.sought[1:]}
         return [(systematic(source), name, u) for name, errors in each.items() for source, u in errors.items()]
 
 

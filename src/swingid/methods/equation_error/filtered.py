@@ -145,7 +145,7 @@ class OnGrid:
 
     def earlier(self, late: Array) -> OnGrid:
         """The same with every turning point `late` seconds earlier (one value each)."""
-        dry = {own.name for own in self.equation.further if own.term.is_dry}
+        dry = {name for name, own in self.equation.terms.items() if own.term.is_dry}
         turning = {"coulomb", "stribeck", *IMPULSES} | dry
         steady = {key: column for key, column in self.kept.items() if key[0][0] not in turning}
         return replace(self, signals=self.signals.earlier(late), kept=steady)
@@ -182,7 +182,7 @@ class OnGrid:
         Away from the ends it is symmetric: so it also is the effect of every sample on a sum with the weights s.
         """
         found = np.zeros_like(error)
-        for name, order, own in slopes_by(channel, self.equation.further, linear=self.equation.linear):
+        for name, order, own in slopes_by(channel, self.equation.terms):
             if value := values.get(name, 0.0):
                 pull = 1.0 if order else self._once(f"slope of {name}", partial(own, self.grid.angle))
                 found = found + value * (curvature(error, self.grid.step) if order else pull * error)
@@ -208,7 +208,6 @@ class OnGrid:
         grid, speed = self.grid, self.motion.speed
         of_name: dict[str, Callable[[], Array]] = {
             "inertia": lambda: curvature(grid.angle, grid.step),
-            "gravity_torque": lambda: np.zeros_like(grid.angle) if self.equation.linear else np.sin(grid.angle),
             "wheel": lambda: curvature(self.channel("wheel"), grid.step),
             "torque": lambda: self.channel("torque"),
             "smooth angle": lambda: speed.angle_at(np.clip(grid.time, speed.grid[0], speed.grid[-1])),
@@ -223,17 +222,17 @@ class OnGrid:
         }
         if name in of_name:
             return of_name[name]()
-        return TERMS[name](self.column("smooth")) if name in TERMS else self._further(name)
+        return TERMS[name](self.column("smooth")) if name in TERMS else self._of_registry(name)
 
     def _grid_error(self, phase: float) -> Array:
         """Second derivative of the error by a grid that is shifted by a share of its step, in steps / s²."""
         shifted = self.column("smooth angle") / self.noise.resolution + phase
         return curvature(np.rint(shifted) - shifted, self.grid.step)
 
-    def _further(self, name: str) -> Array:
-        """The regressor of a further term of the rig, or its derivative by its shift."""
+    def _of_registry(self, name: str) -> Array:
+        """The regressor of a term of the registry, or its derivative by its shift."""
         angle, smooth = self.grid.angle, self.column("smooth")
-        own = next(term for term in self.equation.further if name in (term.name, shifted(term.name)))
+        own = next(term for term in self.equation.terms.values() if name in (term.name, shifted(term.name)))
         if own.term.is_dry:
             return own.regressor(angle, smooth, self.column("coulomb"))
         return smooth_columns(own, angle, smooth)[name]

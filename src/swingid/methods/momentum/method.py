@@ -162,7 +162,7 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     equation = law.equation
     values = {"inertia": (law.inertia, equation.unit)}
     units = units_on(linear=equation.linear)
-    of_body = (name for name in equation.sought[1:] if name not in friction.further)
+    of_body = (name for name in equation.sought[1:] if name not in friction.of_rig)
     values |= {name: (law.value(name), units[name]) for name in of_body}
     body = [law.unknowns.index(name) for name in values]
     coefficients = friction.coefficients_by_name

@@ -26,7 +26,7 @@ def constant_places(rig: Rig, equation: Equation) -> dict[str, Places]:
     found: dict[str, Places] = {}
     if not equation.linear:
         found["axis.gravity_torque"] = ((at.B, rig.axis.along.value),)
-    for term, place in zip(equation.further, slots(equation), strict=True):
+    for term, place in zip(equation.slots, slots(equation), strict=True):
         if term.value is not None:
             found[term.term.key] = ((place + at.COEFFICIENT, 1.0),)
             found |= {term.term.shift: ((place + at.SHIFT, 1.0),)} if term.shift.std else {}
@@ -57,8 +57,8 @@ def tilt_places(equation: Equation) -> Places:
 
 
 def slots(equation: Equation) -> list[int]:
-    """First place of the slot of every further term of the rig."""
-    return [at.FIRST_SLOT + at.SLOT * k for k in range(len(equation.further))]
+    """First place of the slot of every one of `Equation.slots`."""
+    return [at.FIRST_SLOT + at.SLOT * k for k in range(len(equation.slots))]
 
 
 def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:

@@ -161,7 +161,7 @@ def _check_options(loss: str, starts: int, segment: float | None, log: Recording
 def _require_resolved(part: Part, equation: Equation) -> None:
     """Raise UnanswerableError for a torque of the angle with more than `MOST_PERIODS` periods from row to row."""
     fastest = float(np.max(np.abs(part.motion.speed.speed)))
-    for term in equation.further:
+    for term in equation.slots:
         periods = fastest * term.order / (2 * np.pi * part.log.rate)
         if periods > MOST_PERIODS:
             raise UnanswerableError(

@@ -190,13 +190,13 @@ def unknowns_of(
     items = [Unknown("inertia", equation.unit, 1e-12, np.inf, ((A11, 1.0),))]
     for name in dict.fromkeys((*(("gravity_torque",) if equation.seeks("gravity_torque") else ()), *free)):
         key = free_key(name)
-        kept = {*NEVER_FREE, *(key for term in equation.further for key in (term.term.key, term.term.shift))}
+        kept = {*NEVER_FREE, *(key for term in equation.slots for key in (term.term.key, term.term.shift))}
         offered = [other for other in places if other not in kept]
         if key not in offered:
             has = ", ".join(constants.free_name(other) for other in offered)
             raise UsageError(f"{name!r} cannot be free for this rig; choose of {has}.", code="unknown-constant")
         items.append(Unknown(name, constants.unit_of(key, equation), 0.0, np.inf, places[key]))
-    for term, place in zip(equation.further, constants.slots(equation), strict=True):
+    for term, place in zip(equation.slots, constants.slots(equation), strict=True):
         if term.value is None:
             low = -np.inf if term.term.signed else 0.0
             items.append(Unknown(term.name, units[term.name], low, np.inf, ((place + COEFFICIENT, 1.0),)))
@@ -246,6 +246,6 @@ def _stated(rig: Rig, equation: Equation, keys: Iterable[str]) -> Array:
         stated[WHEEL_TILT] = math.acos(rig.drive.wheel.along.value)
     base = vector(stated, equation.drive)
     base[A11] -= 1.0
-    for term in equation.further:
+    for term in equation.slots:
         add_term(base, term.term, equation.value(term.name), *term.at)
     return base

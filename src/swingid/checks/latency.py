@@ -172,7 +172,8 @@ def latency_of(law: WindowFit, signals: Signals, rig: Rig) -> Latency:
     """
     items = errors_of(law.rows, signals, rig, law.equation, law.coefficients)
     items = [item for item in items if item.of.fitted]
-    solved, error = fit_with_prior(law, [item.rows * item.std for item in items])
+    means = -np.array([item.of.mean for item in items])
+    solved, error = fit_with_prior(law, [item.rows * item.std for item in items], means=means)
     rows, unknowns = len(law.rows), len(law.unknowns)
     weights = np.zeros((1, unknowns + len(items)))
     for k, item in enumerate(items, start=unknowns):

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import socket
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +21,21 @@ from swingid.errors import DeviceError, UsageError
 from swingid.live.codes import FaultCode, State
 from swingid.live.devices import line_drives
 from swingid.live.devices.host_loop import COUNTS
-from swingid.live.devices.line_drives import LineDrive, ODrive, SimpleFoc
+from swingid.live.devices.line_drives import Hil, LineDrive, ODrive, SimpleFoc
 from swingid.live.devices.table import open_device
 from swingid.live.guard import Board, Limits, parameters_of
 from swingid.live.plant import Plant
 from swingid.live.running import Reason
 from swingid.live.session import Session
+
+_spec = importlib.util.spec_from_file_location(
+    "quanser_hil", Path(__file__).resolve().parents[1] / "examples" / "quanser_hil.py"
+)
+assert _spec is not None
+assert _spec.loader is not None
+quanser_hil: Any = importlib.util.module_from_spec(_spec)
+sys.modules["quanser_hil"] = quanser_hil
+_spec.loader.exec_module(quanser_hil)
 
 RIGHT = RIG.changed({"sensors.counts_per_turn": COUNTS})
 GAIN, RATE = 0.02, 250.0
@@ -126,6 +142,54 @@ class FakeSimpleFoc(Lines):
         return None
 
 
+class Card:
+    """Quanser's board as its documentation describes it, the rig behind it; dog: whether its watchdog has expired."""
+
+    def __init__(self, lines: FakeHil) -> None:
+        self._lines, self.expired, self.started = lines, False, 0.0
+
+    def watchdog_set_analog_expiration_state(self, channels: Any, count: int, states: Any) -> None:
+        assert (list(channels), count, list(states)) == ([0], 1, [0.0])
+
+    watchdog_set_digital_expiration_state = watchdog_set_analog_expiration_state
+
+    def watchdog_start(self, timeout: float) -> None:
+        self.started = timeout
+
+    def watchdog_reload(self) -> bool:
+        return not self.expired
+
+    def watchdog_clear(self) -> None:
+        self.expired = False
+
+    def read_encoder(self, channels: Any, count: int, buffer: Any) -> None:
+        assert (list(channels), count) == ([1, 0], 2)
+        axis, wheel = self._lines.moved()
+        buffer[0], buffer[1] = round(axis * COUNTS), round(wheel * COUNTS)
+
+    def write_analog(self, channels: Any, count: int, buffer: Any) -> None:
+        self._lines.volts = buffer[0]
+
+    def write_digital(self, lines: Any, count: int, buffer: Any) -> None:
+        self._lines.enabled = bool(buffer[0])
+
+
+class FakeHil(Lines):
+    """The program examples/quanser_hil.py with its board."""
+
+    def __init__(self, limit: float = 10.0) -> None:
+        super().__init__()
+        self.card, self._limit = Card(self), limit
+        self.board = quanser_hil.Board(self.card, axis=1, wheel=0)
+
+    def take(self, line: str) -> str | None:
+        return quanser_hil.answer(self.board, line, (COUNTS, COUNTS), self._limit)
+
+
+def hil(lines: Lines) -> LineDrive:
+    return Hil(lines, "hil://bench:8700", RATE, steady=Bench())
+
+
 def odrive(lines: Lines) -> LineDrive:
     board = Board(RATE, COUNTS, COUNTS, 10.0, 6)
     return ODrive(lines, "odrive://port", board, nm_per_volt=GAIN, motor=0, axis=1, steady=Bench())
@@ -135,7 +199,7 @@ def simplefoc(lines: Lines) -> LineDrive:
     return SimpleFoc(lines, "simplefoc://port", Board(RATE, COUNTS, COUNTS, 10.0, 7), steady=Bench())
 
 
-MAKERS = {"odrive": (FakeODrive, odrive), "simplefoc": (FakeSimpleFoc, simplefoc)}
+MAKERS = {"odrive": (FakeODrive, odrive), "simplefoc": (FakeSimpleFoc, simplefoc), "hil": (FakeHil, hil)}
 
 
 def session_on(name: str) -> tuple[Any, Any, Session]:
@@ -210,6 +274,7 @@ def test_an_odrive_is_enabled_after_a_wait_for_its_host_but_not_with_another_err
         (odrive, FakeODrive(watchdog=False)),
         (simplefoc, FakeSimpleFoc(watchdog="2000")),
         (simplefoc, FakeSimpleFoc(None)),
+        (hil, FakeHil(limit=0.0)),
     ],
 )
 def test_a_drive_without_a_watchdog_is_refused(maker: Any, lines: Lines, monkeypatch: Any) -> None:
@@ -217,6 +282,46 @@ def test_a_drive_without_a_watchdog_is_refused(maker: Any, lines: Lines, monkeyp
     with pytest.raises(DeviceError) as error:
         maker(lines)
     assert error.value.code == "no-watchdog"
+
+
+def test_a_board_whose_watchdog_has_expired_is_off_until_it_is_enabled_again() -> None:
+    lines = FakeHil()
+    assert lines.card.started == 0.1
+    for line in ("E,1", "U,3"):
+        assert lines.take(line) is None
+    assert (lines.enabled, lines.volts) == (True, 3.0)
+    lines.card.expired = True
+    lines.take("U,3")
+    assert (lines.enabled, lines.volts, lines.card.expired) == (False, 3.0, False)
+    lines.take("U,1e9")
+    assert lines.volts == 10.0
+    for line in ("E,1", "nonsense"):
+        lines.take(line)
+    assert (lines.enabled, lines.volts) == (False, 0.0)
+
+
+def test_lines_of_csv_on_tcp() -> None:
+    """The program's own server on a port of this machine: what it says of itself, and that a silent host is off."""
+    lines = FakeHil()
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def serve(port: socket.socket = listening) -> None:
+            with suppress(OSError):  # the test's end closes the port
+                quanser_hil.serve(lines.board, port, (4096, 8192), 8.0)
+
+        threading.Thread(target=serve, daemon=True).start()
+        device = open_device(f"hil://127.0.0.1:{listening.getsockname()[1]}?rate=100")
+        board: Any = device
+        assert (board.board.axis_counts, board.board.wheel_counts, board.board.voltage_limit) == (4096, 8192, 8.0)
+        board._tell("E,1", "U,2")
+        until = time.monotonic() + 5.0
+        while not lines.enabled and time.monotonic() < until:
+            time.sleep(0.01)
+        assert lines.enabled
+        while lines.enabled and time.monotonic() < until:  # nothing more is sent
+            time.sleep(0.01)
+        assert (lines.enabled, lines.volts) == (False, 0.0)
+        device.close()
 
 
 @pytest.mark.parametrize(
@@ -227,6 +332,8 @@ def test_a_drive_without_a_watchdog_is_refused(maker: Any, lines: Lines, monkeyp
         "odrive:///dev/nothing?nm_per_volt=0.1&rate=5000",
         "simplefoc:///dev/nothing?limit=0",
         "simplefoc:///dev/nothing?nm_per_volt=1",
+        "hil://bench:8700?rate=5000",
+        "hil://bench",
     ],
 )
 def test_bad_addresses_are_refused(address: str) -> None:

@@ -1,4 +1,4 @@
-"""``odrive:///dev/ttyACM0?nm_per_volt=X`` and ``simplefoc:///dev/ttyUSB0``: drives that speak lines of ASCII.
+"""``odrive:///dev/ttyACM0?nm_per_volt=X``, ``simplefoc:///dev/ttyUSB0``, ``hil://HOST:PORT``: lines of ASCII.
 
 The loop runs in the host (`host_loop.py`). A sample is a question for the positions, and a line with the torque.
 
@@ -10,6 +10,11 @@ SimpleFOC (Commander of its documentation): ``M`` is the motor, in torque contro
 Commander knows one sensor and no watchdog, so the sketch adds two commands: ``A`` prints the angles (rad) of axis
 and wheel in one line, parted by a comma, and ``W`` the time (ms, 100 at most) after which the sketch disables the motor
 when no line has come.
+
+HIL: a program beside a closed data acquisition board (Quanser's, say) that serves lines of CSV on TCP, such as
+``examples/quanser_hil.py``. ``C`` answers counts per turn of axis and wheel (0: none), the largest voltage and the ms
+of its watchdog, 100 at most; ``R`` both counts and the current (nan: none); ``U,1.5`` is a voltage, ``E,1`` and ``E,0``
+enable the amplifier and let go of it. No line within the watchdog's time is 0 V and ``E,0``.
 """
 
 from __future__ import annotations
@@ -24,7 +29,7 @@ from swingid.errors import DeviceError, UsageError
 from swingid.live.devices.host_loop import ANSWER_TIME, COUNTS, MOST_RATE, HostLoop, wrapped
 from swingid.live.devices.stream import Address, Stream, split_address
 from swingid.live.guard import Board, Readings
-from swingid.live.machine import VERSION
+from swingid.live.machine import VERSION, Machine
 
 WATCHDOG = 0.1
 """Seconds of the drive's watchdog: as long as the heartbeat of a host may be missing."""
@@ -66,13 +71,16 @@ class LineDrive(HostLoop):
                 return answer.decode("ascii", "replace").strip()
         return None
 
-    def _numbers(self, line: str, count: int) -> list[float] | None:
-        """The numbers of an answer, parted by spaces, tabs or commas; None where they are not so many."""
+    def _numbers(self, line: str, count: int, patience: float = ANSWER_TIME) -> list[float] | None:
+        """The numbers of an answer, parted by spaces, tabs or commas; None where they are not so many.
+
+        The third may be nan: a current that nobody measures.
+        """
         try:
-            found = [float(word) for word in (self._ask(line) or "").replace(",", " ").split()]
+            found = [float(word) for word in (self._ask(line, patience) or "").replace(",", " ").split()]
         except ValueError:
             return None
-        return found if len(found) == count and all(map(math.isfinite, found)) else None
+        return found if len(found) == count and all(map(math.isfinite, found[:2] + found[3:])) else None
 
     def _now_at(self, axis: float | None, wheel: float | None) -> Readings:
         """Readings of two positions in turns."""
@@ -177,6 +185,39 @@ class SimpleFoc(LineDrive):
         return f"M{voltage:.4f}"
 
 
+class Hil(LineDrive):
+    """A program that serves a data acquisition board by lines of CSV."""
+
+    def __init__(self, port: Stream, address: str, rate: float, *, steady: Any = None) -> None:
+        super().__init__(port, address, Board(rate), steady=steady)
+        told = self._numbers("C", 4, PATIENCE)
+        if told is None:
+            text = f"{address}: the program does not answer C with counts, counts, volts and ms of its watchdog"
+            raise DeviceError(f"{text}; docs/porting.md has its lines", code="no-answer")
+        axis, wheel, limit, dog = told
+        if not (0.0 < dog <= 1000 * WATCHDOG and axis >= 1.0 and wheel >= 0.0 and limit > 0.0):
+            text = f"{address}: {axis:g} and {wheel:g} counts, {limit:g} V, a watchdog of {dog:g} ms; needed are counts"
+            raise DeviceError(f"{text} of the axis, volts, and a watchdog of 1 to 100 ms", code="no-watchdog")
+        firmware = zlib.crc32(f"swingid hil {VERSION}".encode())
+        self.board = Board(rate, round(axis), round(wheel), limit, firmware)
+        self.machine = Machine(self.board)
+        self._tell("U,0", "E,0")
+
+    def _read(self) -> Readings:
+        found = self._numbers("R", 3)
+        if found is None:
+            return self._last._replace(valid=False)
+        axis, wheel, current = found
+        self._last = Readings(round(axis), round(wheel), current)
+        return self._last
+
+    def _switch(self, on: bool) -> tuple[str, ...]:
+        return "U,0", f"E,{int(on)}"
+
+    def _torque(self, voltage: float) -> str:
+        return f"U,{voltage:.6f}"
+
+
 def _port(parts: Address, usual: int) -> Stream:
     from swingid.live.devices.serial_port import open_serial
 
@@ -210,3 +251,15 @@ def open_simplefoc(address: str) -> SimpleFoc:
     parts.require("baud", "rate", "limit")
     board = _board(parts)
     return SimpleFoc(_port(parts, 1_000_000), address, board)
+
+
+def open_hil(address: str) -> Hil:
+    """``hil://HOST:PORT``; UsageError for a bad address, DeviceError where no such program or watchdog answers."""
+    from swingid.live.devices.tcp import open_tcp
+
+    parts = split_address(address)
+    parts.require("rate")
+    rate = _board(parts).rate
+    port = open_tcp(f"tcp://{parts.target}")
+    port.address = address
+    return Hil(port, address, rate)

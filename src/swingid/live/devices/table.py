@@ -53,6 +53,12 @@ def _simplefoc(address: str) -> Stream:
     return open_simplefoc(address)
 
 
+def _hil(address: str) -> Stream:
+    from swingid.live.devices.line_drives import open_hil
+
+    return open_hil(address)
+
+
 def _csv(address: str) -> Stream:
     from swingid.live.devices.columns import open_columns
 
@@ -72,6 +78,7 @@ SCHEMES: dict[str, Callable[[str], Stream]] = {
     "moteus": _moteus,
     "odrive": _odrive,
     "simplefoc": _simplefoc,
+    "hil": _hil,
     "csv": _csv,
     "can": _can,
 }

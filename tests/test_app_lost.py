@@ -31,7 +31,7 @@ def test_a_server_that_is_killed(tmp_path):
     with served("--rig", "paper", "--folder", str(tmp_path)) as (address, server), browser() as chromium:
         page = chromium.new_page()
         page.goto(address)
-        page.get_by_text("no step goes on").wait_for(timeout=SLOW)
+        page.get_by_text("nothing is running").wait_for(timeout=SLOW)
         os.kill(server.pid, signal.SIGKILL)
         page.get_by_text(LOST).wait_for(timeout=5000)
         assert stop_button(page).is_disabled()
@@ -67,7 +67,7 @@ def test_a_server_that_is_frozen_and_wakes_up(tmp_path):
         page = chromium.new_page()
         errors = listen(page)
         page.goto(address)
-        page.get_by_text("no step goes on").wait_for(timeout=SLOW)
+        page.get_by_text("nothing is running").wait_for(timeout=SLOW)
         for _ in range(2):
             os.kill(server.pid, signal.SIGSTOP)
             # what is pressed before the page knows must not act when the server wakes up
@@ -132,7 +132,7 @@ def test_two_pages_that_press_at_once_begin_one_step(tmp_path):
         page, other = chromium.new_page(), chromium.new_page()
         for each in (page, other):
             each.goto(address)
-            each.get_by_text("no step goes on").wait_for(timeout=SLOW)
+            each.get_by_text("nothing is running").wait_for(timeout=SLOW)
         for each in (page, other):
             each.evaluate("document.querySelectorAll('button.q-btn').forEach((one) => one.click())")
         page.get_by_text("samples per second").first.wait_for(timeout=SLOW)
@@ -173,7 +173,7 @@ def test_wrong_fields_and_stop_of_a_rehearsal(tmp_path):
         page.keyboard.press("Escape")
         page.get_by_text("stopped", exact=True).wait_for(timeout=5000)
         assert time.monotonic() - began < 3.0
-        page.get_by_text("no step goes on").wait_for(timeout=5000)
+        page.get_by_text("nothing is running").wait_for(timeout=5000)
         assert waits(page, "Run").count() == 1
         assert not errors
 

@@ -52,6 +52,9 @@ BINS = 2500
 COARSE = 700
 """The same for a first look at a column."""
 
+PLAYED, MOST_PLAYED = 60.0, 12_000
+"""Rows per second of a track, as a screen draws them, and rows at most: of a longer log its first 200 s."""
+
 DIGITS = 4
 """Decimals (s) of the ends of a part, as they are shown and written."""
 
@@ -207,9 +210,27 @@ def sketched(case: Case) -> dict[str, Any]:
         "channels": drawn,
         "first": float(t[0]),
         "last": float(t[-1]),
+        "track": track_of(t, recording.angle, recording.wheel_angle),
         "turning": (motion.turning_times, motion.turning_angles),
         "releases": [(round(a, DIGITS), round(b, DIGITS)) for a, b in releases(recording, plant)],
     }
+
+
+def track_of(time: Array, angle: Array, wheel: Array | None = None) -> dict[str, Any]:
+    """Angle (rad or m) and wheel (rad), each (n,) over time (n,), evenly spaced for playing; scale: largest reach."""
+    count = int(min(max((time[-1] - time[0]) * PLAYED, 2), MOST_PLAYED))
+    even = time[0] + np.arange(count) / PLAYED
+    good = np.isfinite(angle)
+    middle = float(np.mean(angle[good])) if good.any() else 0.0
+    found = {
+        "first": float(time[0]),
+        "step": 1 / PLAYED,
+        "angles": np.round(np.interp(even, time[good], angle[good]), 4).tolist() if good.any() else [0.0, 0.0],
+        "scale": float(np.abs(angle[good] - middle).max(initial=0.0)) or 1.0,
+    }
+    if wheel is not None and (known := np.isfinite(wheel)).any():
+        found["wheel"] = np.round(np.interp(even, time[known], wheel[known]), 3).tolist()
+    return found
 
 
 def inspected(case: Case) -> dict[str, Any]:

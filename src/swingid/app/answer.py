@@ -15,6 +15,7 @@ from swingid.app.plot import Line, Plot
 from swingid.errors import SwingidError
 from swingid.format import percent, plus_minus, pretty_unit
 from swingid.methods.table import DEFAULT, METHODS
+from swingid.report.words import RIG as RIG_WORDS
 from swingid.report.words import parameter_word
 from swingid.result.brief import coverage, remedy, value_and_reach
 from swingid.result.plot import BLUE, ORANGE
@@ -196,12 +197,13 @@ def swings_picture(found: Result) -> None:
     if not near.all():
         title += f"; {int((~near).sum())} far off are not drawn"
     unit = pretty_unit(main.unit)
-    lines = [Line("upper turning points", unit, points=True, colour=BLUE), Line("lower", unit, True, ORANGE)]
+    lines = [Line("upper", unit, points=True, colour=BLUE), Line("lower", unit, True, ORANGE)]
     plot = Plot(title, lines, height=240, band=band)
     upper, lower = near & (sides > 0), near & (sides < 0)
     plot.show_each([(times[upper], values[upper]), (times[lower], values[lower])])
     if band is not None:
-        ui.label("Dots: single swings. Line and band: the answer and its 95 % interval.").classes("swingid-quiet")
+        text = "Dots: swings about upper and lower turning points. Line and band: the answer, its 95 % interval."
+        ui.label(text).classes("swingid-quiet")
 
 
 def shares(found: Result) -> None:
@@ -209,16 +211,23 @@ def shares(found: Result) -> None:
     entries = sorted_budget(found.budget, found.leading)[:SHOWN]
     if not entries or not entries[0].standard_uncertainty:
         return
-    first = f"Largest part of the interval: {entries[0].source}, {share(entries[0].standard_uncertainty, found.main)}"
+    largest = share(entries[0].standard_uncertainty, found.main)
+    first = f"Largest part of the interval: {in_words(entries[0].source)}, {largest}"
     ui.label(f"{first}. To reduce it: {remedy(entries[0], found.main)}.").classes("swingid-text")
     rows = []
     for entry in entries:
         width = 100 * entry.standard_uncertainty / entries[0].standard_uncertainty
         track = f'<div class="swingid-bar-track"><div class="swingid-bar-fill" style="width:{width:.1f}%"></div></div>'
         text = share(entry.standard_uncertainty, found.main)
-        rows.append(row(f"<div>{escaped(entry.source)}</div>{track}<div>{text}</div>"))
+        rows.append(row(f"<div>{escaped(in_words(entry.source))}</div>{track}<div>{text}</div>"))
     made = "".join(rows)
     html(f'<div class="swingid-rows swingid-shares" role="img" aria-label="contributions">{made}</div>', "w-full")
+
+
+def in_words(source: str) -> str:
+    """A source of uncertainty in words, with its key in rig.toml where it is one."""
+    word = RIG_WORDS.get(source)
+    return source if word is None else f"{word.words} ({source})"
 
 
 def rest(found: Result, *, linear: bool) -> None:
@@ -239,7 +248,7 @@ def rest(found: Result, *, linear: bool) -> None:
 def _row_of(found: Result | None) -> tuple[Parameter | None, str]:
     """The main parameter of a result, if any, and a mark or a sentence beside it."""
     if found is None:
-        return None, "…"
+        return None, "computing …"
     if found.leading not in found.parameters:
         return None, _sentence(found.error.message if found.error else "no number")
     return found.main, "" if found.status == "ok" else " ⚠"

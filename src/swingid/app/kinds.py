@@ -65,6 +65,13 @@ class Kind:
     fixed: Mapping[str, object] = field(default_factory=dict)
     linear: bool = False
 
+    @property
+    def moves(self) -> str:
+        """How the drawing moves: it slides, turns about an axis that is seen from above, or swings."""
+        if self.linear:
+            return "slide"
+        return "turn" if self.name in ("wire", "bifilar", "trifilar", "flywheel") else "swing"
+
     def missing(self, columns: Mapping[str, str]) -> tuple[str, ...]:
         """The channels of which one is needed and none has a column."""
         return next((some for some in self.needs if not any(columns.get(role) for role in some)), ())
@@ -158,7 +165,7 @@ KINDS = (
                "axis.stiffness", "1.20 ± 0.01 mN m/rad", "The answer is the stiffness over the inertia."), ENCODER),
          fixed={"axis.gravity_torque": 0}),
     Kind("bifilar", "A body on two strings", "Twists about the vertical; strings of equal length.",
-         ("strings", 0.3, 0.36), "none", (
+         ("strings", 0.31, 0.36), "none", (
              _value("mass", "Mass of all that hangs", "Weigh it with what carries it.", "axis.bifilar.mass",
                     "2.10 ± 0.01 kg", "The answer is a ratio to the mass."),
              Question("length", "Length of the strings", "From clamp to clamp.",

@@ -1,9 +1,10 @@
-"""The page beside a live rig: Connect, Check, Rehearse, Run, Result, Report; one person controls, others watch."""
+"""The page beside a live rig: Connect, Check, Rehearse, Run, Result, Keep; one person controls, others watch."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,21 +12,21 @@ from typing import Any
 import numpy as np
 from nicegui import ui
 
-from swingid.app.analysis import Analyst
+from swingid.app.analysis import Analyst, track_of
 from swingid.app.answer import Answer
 from swingid.app.draft import Draft
 from swingid.app.keep import Keep
-from swingid.app.kinds import drawing, kind_of, kind_of_rig
+from swingid.app.kinds import kind_of, kind_of_rig
+from swingid.app.live_plots import CheckPlots, RehearsalPlots, RunPlots
 from swingid.app.order import DURATION, MOTION, UNTIL, WrongFieldError, order_of, share_of
 from swingid.app.part import Part
-from swingid.app.parts import Frame, Step, main_button, plain_button, said
-from swingid.app.plot import Line, Plot
+from swingid.app.parts import Frame, Step, emphasise, main_button, plain_button, said
 from swingid.app.rig_view import RigView
-from swingid.app.runner import Runner
+from swingid.app.runner import Runner, Seen
 from swingid.app.stop_bar import StopBar
 from swingid.app.task import Kind, Task
 from swingid.errors import SwingidError
-from swingid.format import number, percent, plus_minus
+from swingid.format import number
 from swingid.model.rig import Rig
 
 STEPS = (
@@ -37,8 +38,16 @@ STEPS = (
     ("report", "Keep", "waits for a run"),
 )
 
-DRAWS, WINDOW = 30.0, 10.0
-"""Draws per second of a run, and seconds that stay in view."""
+DRAWS = 30.0
+"""Draws per second of a run."""
+
+DOING = {
+    "connect": "Asking the device who it is.",
+    "check": "Listening to the hanging body, then turning its wheel by small pulses.",
+    "rehearse": "The twin runs the motion, held against the limits.",
+    "run": "Running. STOP, or Escape, ends it softly; a second time gives 0 V at once.",
+}
+"""What goes on in each step, in a sentence."""
 
 QUIET = 3.0
 """Seconds without news of a run after which the page says so; samples come every 5 ms, a journal ends within 1 s."""
@@ -114,24 +123,21 @@ class LivePage:
         self.inputs: dict[str, ui.input | ui.number] = {}
         self.cursor = self.drawn = self.lines = 0
         self.task = self.runner.seen
+        self.finished: Seen | None = None
         self.shown = ""
         self.open: str = ""
 
     def build(self) -> None:
         """Lay the page out."""
         self.frame = Frame(self.plant.name, "Connect the rig, check it, rehearse the motion, run it.")
-        kind = kind_of_rig(self.plant)
-        with self.frame.place:
-            with ui.element("div").classes("swingid-columns"):
+        with self.frame.place, ui.element("div").classes("swingid-live"):
+            with ui.column().classes("swingid-beside gap-2"):
+                self.view = RigView(kind_of(kind_of_rig(self.plant)))
                 text = "Another page controls this rig; here you watch. STOP works everywhere."
-                with ui.column().classes("gap-2"):
-                    device = self.desk.address or "none given, so the twin of the rig file is the rig"
-                    ui.label(f"Device: {device}").classes("swingid-text")
-                    ui.label(f"Rig file {self.desk.rig}").classes("swingid-quiet")
-                    self.watching = ui.label(text).classes("swingid-text")
-                self.view = RigView(drawing(*kind_of(kind).picture))
-            self.steps = {name: Step(k, word, waits, self._go) for k, (name, word, waits) in enumerate(STEPS, 1)}
-            self._fill()
+                self.watching = ui.label(text).classes("swingid-text")
+            with ui.column().classes("w-full gap-0"):
+                self.steps = {name: Step(k, word, waits, self._go) for k, (name, word, waits) in enumerate(STEPS, 1)}
+                self._fill()
         with ui.footer().classes("p-0"):
             self.bar = StopBar(self._stop)
         self.open = self.runner.seen.kind if self.runner.busy and self.runner.seen.kind else "connect"
@@ -142,7 +148,9 @@ class LivePage:
     def _fill(self) -> None:
         """What is in each step."""
         with self.steps["connect"].body:
-            ui.label("Who the device is, and whether it is the rig of the rig file.").classes("swingid-text")
+            device = self.desk.address or "none given, so the twin of the rig file takes its place"
+            ui.label(f"Device: {device}. Rig file: {self.desk.rig}.").classes("swingid-text")
+            ui.label("Who the device is, and whether it is the rig of the rig file.").classes("swingid-quiet")
             self._action("connect", "Connect", "check")
         with self.steps["check"].body:
             ui.label("The body must hang still. Small pulses turn the wheel, to find signs and delay.").classes(
@@ -150,12 +158,14 @@ class LivePage:
             )
             self.clear = ui.checkbox("I have looked at the rig: clear a fault of an earlier run")
             self._action("check", "Check", "rehearse")
+            self.pulses = CheckPlots(self.logs["check"])
         with self.steps["rehearse"].body:
             self._order_panel()
             self._action("rehearse", "Rehearse on the twin", "run")
+            self.rehearsal = RehearsalPlots(self.logs["rehearse"], self.plant)
         with self.steps["run"].body:
             self._action("run", "Run", "result")
-            self._plots()
+            self.drawn_run = RunPlots(self.plant)
         for name in ("result", "report"):
             with self.steps[name].body:
                 said(ui.column().classes("w-full"), "no run yet")
@@ -187,18 +197,6 @@ class LivePage:
 
     def _go_to(self, name: str) -> None:
         self.open = name
-
-    def _plots(self) -> None:
-        limit = self.plant.drive.motor.voltage_limit if self.plant.drive.motor else None
-        levels = [] if limit is None else [limit, -limit]
-        self.estimate_text = ui.label("").classes("text-lg").props('aria-live="polite"')
-        self.angle = Plot("angle and reference", [Line("angle", "rad"), Line("reference", "rad")], window=WINDOW)
-        self.error = Plot("tracking error", [Line("error", "rad")], window=WINDOW, height=120)
-        self.voltage = Plot("voltage", [Line("voltage", "V")], window=WINDOW, height=120, limits=levels)
-        self.gain = Plot("adaptive gain", [Line("gain")], window=WINDOW, height=110)
-        names = ("estimate", "lower end (95 %)", "upper end")
-        unit = "kg" if self.plant.axis.kind == "linear" else "kg m²"
-        self.estimates = Plot("inertia after each swing", [Line(name, unit) for name in names])
 
     @property
     def fields(self) -> Fields:
@@ -241,8 +239,6 @@ class LivePage:
         out = ""
         if kind == "run":
             out = desk.new_journal()
-            for plot in (self.angle, self.error, self.voltage, self.gain):
-                plot.clear_rows()
         self.runner.start(Task(kind, desk.address, desk.rig, **values, out=out, clear=bool(self.clear.value)))
 
     def _stop(self) -> None:
@@ -258,8 +254,11 @@ class LivePage:
         seen = self.runner.seen
         if seen is not self.task:
             self.task, self.cursor, self.drawn, self.lines = seen, 0, 0, 0
+            self.view.play(None)
             if seen.kind is not None:
                 self.logs[seen.kind].clear()
+            if (plots := self._plots()) is not None:
+                plots.begin()
         if seen.kind is not None and len(seen.lines) > self.lines:
             with self.logs[seen.kind]:
                 for line in seen.lines[self.lines :]:
@@ -270,27 +269,36 @@ class LivePage:
             self._add_rows(np.array([seen.rows[k] for k in range(-new, 0)], float))
             self.cursor = seen.count
         self._add_estimates()
+        if seen.ended and self.finished is not seen:
+            self.finished = seen
+            self._finish(seen)
         self._enable(mine=self.desk.controls(self.me))
 
+    def _plots(self) -> CheckPlots | RehearsalPlots | RunPlots | None:
+        """The plots of the step that goes on."""
+        plots: dict[str | None, Any] = {"check": self.pulses, "rehearse": self.rehearsal, "run": self.drawn_run}
+        return plots.get(self.task.kind)
+
     def _add_rows(self, rows: np.ndarray) -> None:
-        t, angle, reference, gain, voltage = rows.T
-        self.view.turn(float(angle[-1]))
-        self.angle.append(t, [angle, reference])
-        self.error.append(t, [angle - reference])
-        self.voltage.append(t, [voltage])
-        self.gain.append(t, [gain])
+        if (plots := self._plots()) is not None:
+            plots.add(rows)
+        if self.task.kind != "rehearse":
+            angle, wheel = float(rows[-1, 1]), float(rows[-1, 5])
+            self.view.turn(angle, wheel if math.isfinite(wheel) else None)
 
     def _add_estimates(self) -> None:
         new = self.task.estimates[self.drawn :]
         self.drawn += len(new)
-        known = [(t, value, u) for _, t, value, u, _ in self.task.estimates if u is not None]
-        if new and known:
-            t, value, u = np.array(known).T
-            self.estimates.show(t, [value, value - 1.96 * u, value + 1.96 * u])
         if new:
-            swing, _, value, u, unit = new[-1]
-            share = "" if u is None else f", {percent(u / abs(value))}"
-            self.estimate_text.set_text(f"after swing {swing}: {plus_minus(value, u, unit)}{share}")
+            self.drawn_run.estimated(self.task.estimates)
+
+    def _finish(self, seen: Seen) -> None:
+        """A step has ended: what its plots show, and the motion of the twin."""
+        if (plots := self._plots()) is not None:
+            plots.finish()
+        if seen.kind == "rehearse" and seen.rows:
+            t, angle, *_, wheel = np.array(seen.rows, float).T
+            self.view.play(track_of(t, angle, wheel))
 
     def _enable(self, *, mine: bool) -> None:
         """Which steps are open, what the state line says; mine: whether this page controls."""
@@ -300,25 +308,54 @@ class LivePage:
         self.watching.set_visibility(not mine)
         for kind, is_open in opened.items():
             self.buttons[kind].set_enabled(mine and is_open and not runner.busy)
-            self.next[kind].set_visibility(kind in runner.passed or (kind == "run" and bool(self.shown)))
+            passed = kind in runner.passed or (kind == "run" and bool(self.shown))
+            self.next[kind].set_visibility(passed)
+            emphasise(self.buttons[kind], main=not passed)
+            emphasise(self.next[kind], main=passed)
             self._show(kind, is_open or kind == self.task.kind, kind in runner.passed)
         journal = self.task.found.get("journal", "") if self.task.ended else ""
         for name in ("result", "report"):
             self._show(name, bool(journal or self.shown), False)
-        self.bar.show(self._state_words(), moves=self._may_move())
+        self.bar.show(self._state_words(), moves=self._may_move(), share=self._share())
+        self.frame.say(self._sentence())
         if journal and journal != self.shown:
             self.shown = journal
             ui.timer(0.05, self._show_result, once=True)
 
     def _show(self, name: str, is_ready: bool, is_done: bool) -> None:
         """The state of a step, with the last line that was said in it."""
-        state = "later" if not is_ready else "done" if is_done and self.open != name else "now"
+        state = "now" if self.open == name else "done" if is_done else "next"
+        if not is_ready:
+            state = "later"
         lines = self.said.get(name, "") if state == "done" else None if state == "later" else ""
         self.steps[name].show(state, lines, is_open=self.open == name and is_ready)
 
     def _may_move(self) -> bool:
         """Whether the motor can have a voltage, as far as is known here."""
         return (self.runner.busy and self.task.kind in ("check", "run")) or self.runner.elsewhere is not None
+
+    def _share(self) -> float:
+        """Share of the time of what goes on that is over, 0 where that is not known."""
+        passed, left = (self.task.progress.get(name, 0.0) for name in ("time", "left"))
+        return passed / (passed + left) if self.runner.busy and passed + left > 0 else 0.0
+
+    def _sentence(self) -> str:
+        """What is going on, and what is next."""
+        passed, task = self.runner.passed, self.task
+        if self.runner.busy:
+            return DOING.get(str(task.kind), "")
+        if task.ended and task.ended != "ok" and task.lines:
+            line = task.lines[-1].rstrip(".")
+            return f"{line[:1].upper()}{line[1:]}."
+        if self.shown:
+            return f"{Path(self.shown).name} is recorded. Next: its result."
+        if "rehearse" in passed and self.desk.rehearsed == self.fields:
+            return "The motion is rehearsed: it stays within the limits. Next: run it."
+        if "check" in passed:
+            return "It hangs still, and its signs are right. Next: rehearse the motion on the twin."
+        if "connect" in passed:
+            return "Connected. Next: check that it hangs still."
+        return "Connect the rig, check it, rehearse the motion, run it."
 
     def _state_words(self) -> str:
         task, progress = self.task, self.task.progress
@@ -331,13 +368,13 @@ class LivePage:
             if not task.found.get("seen", True):
                 return "0 V was not seen: look at the rig"
             moved = task.kind in ("check", "run") and (task.found or task.ended in ("ok", "stopped"))
-            return "at rest, 0 V" if moved else "no step goes on"
+            return "at rest, 0 V" if moved else "nothing is running"
         if task.stops:
             return "stopping …"
         if task.kind != "run" or not progress:
-            return {"connect": "connecting …", "check": "checking …", "rehearse": "rehearsing …"}.get(
-                str(task.kind), "getting ready …"
-            )
+            words = {"connect": "connecting …", "check": "checking …", "rehearse": "rehearsing …"}
+            left = f" {progress['left']:.0f} s at most are left" if progress.get("left") else ""
+            return words.get(str(task.kind), "getting ready …") + left
         silent = time.monotonic() - task.when
         if silent > QUIET:
             return f"no news of the run for {silent:.0f} s: STOP, or the emergency stop"
@@ -353,10 +390,19 @@ class LivePage:
         body.clear()
         with body:
             ui.label(f"journal: {journal}").classes("swingid-mono")
-            part = Part(self.desk.analyst, draft, lambda values: None)
+
+            async def mend(values: Mapping[str, object]) -> None:
+                """Take keys over for this answer; rig.toml of the step Keep has them."""
+                draft.mends |= values
+                written = ", ".join(f"{key} = {value}" for key, value in values.items())
+                ui.notify(f"used for this answer: {written}; the rig file stays as it is")
+                await answer.run()
+                await part.inspect()
+
+            part = Part(self.desk.analyst, draft, mend)
+            answer = Answer(self.desk.analyst, draft, mend)
             if not await part.show():
                 return
-            answer = Answer(self.desk.analyst, draft, lambda values: None)
             plain_button("Answer again, for these parts", answer.run)
             answer.show()
         keep = self.steps["report"].body

@@ -45,6 +45,9 @@ class Look:
             on_rejected=lambda: ui.notify(TOO_MUCH, type="warning"),
         )  # fmt: skip
         upload.props('label="Drop a log here, or choose a file" flat').classes("swingid-drop")
+        upload.on(
+            "click", js_handler=f"(event) => event.target.closest('.q-btn') || getElement({upload.id}).pickFiles()"
+        )
         text = "CSV, Excel, MATLAB, Parquet, HDF5, MCAP, LabVIEW, JSON, phyphox. Files stay on this machine."
         ui.label(text).classes("swingid-quiet")
         with ui.element("div").classes("swingid-chips"):
@@ -139,7 +142,7 @@ class Look:
             with ui.column().classes("gap-2"):
                 with ui.element("div").classes("swingid-chips"):
                     options = {"": "not used"} | ROLES
-                    self._select(f"what {name} is", options, role, lambda value: self._assign(name, value), "w-40")
+                    self._select(f"what {name} is", options, role, lambda value: self._assign(name, value), "w-52")
                     if role in UNITS:
                         units = list(dict.fromkeys([*UNITS[role], draft.units.get(role, UNITS[role][0])]))
                         unit = draft.units.get(role, UNITS[role][0])

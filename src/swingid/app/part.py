@@ -11,8 +11,10 @@ from nicegui import ui
 
 from swingid.app.analysis import DIGITS, Analyst, inspected, named, sketched
 from swingid.app.draft import Draft, case_of, mend_of
+from swingid.app.kinds import kind_of
 from swingid.app.parts import choice_button, findings, main_button, more, plain_button, said
 from swingid.app.plot import Line, Plot
+from swingid.app.rig_view import RigView
 from swingid.errors import SwingidError
 from swingid.result.plot import BLUE, ORANGE
 
@@ -55,17 +57,23 @@ class Part:
         if not alone:
             ui.label(f"{len(self.draft.logs)} logs are used whole; this is {next(iter(self.draft.logs))}.")
         turns, sizes = (np.asarray(each) for each in found["turning"])
-        if alone:
-            ui.label(f"{len(turns)} turning points. Drag over the part to use, or over several.")
-        lines = [Line(name, unit, colour=BLUE), Line("turning points", unit, points=True, colour=ORANGE)]
-        self.angle = Plot(name, lines, pick=self._add if alone else None, height=220)
-        self.angle.show_each([(time, values), (turns, sizes)])
+        title = f"The {name}: {len(turns)} turning points"
+        lines = [Line(name, unit, colour=BLUE), Line("turns", unit, points=True, colour=ORANGE)]
+        with ui.element("div").classes("swingid-live"):
+            with ui.column().classes("swingid-beside"):
+                RigView(kind_of(self.draft.kind), found["track"])
+            with ui.column().classes("w-full gap-2"):
+                if alone:
+                    ui.label("Drag over the part to use, or over several.")
+                self.angle = Plot(title, lines, pick=self._add if alone else None, height=240)
+                self.angle.show_each([(time, values), (turns, sizes)])
         if alone:
             self.chips = ui.element("div").classes("swingid-chips")
             self._draw_parts()
         with more("Other channels") if others else ui.column():
             for name, unit, time, values in others:
-                Plot(name, [Line(name, unit, colour=COLOURS.get(name, ""))], height=120).show(time, [values])
+                title = f"{name[:1].upper()}{name[1:]}"
+                Plot(title, [Line(name, unit, colour=COLOURS.get(name, ""))], height=120).show(time, [values])
         self.checks = ui.column().classes("w-full")
         said(self.checks, "checking the log …")
 

@@ -42,7 +42,9 @@ class Frame:
 
 
 class Step:
-    """One step: done (a tick and one line, folded), now (open), or later (grey, with what it waits for)."""
+    """One step: done (a tick and one line, folded), now (open), next (may be opened), or later (grey, with what it
+    waits for).
+    """
 
     def __init__(self, number: int, word: str, waits: str, opened: Callable[[Step], Any]) -> None:
         self.word, self.waits, self.number = word, waits, number
@@ -61,7 +63,7 @@ class Step:
         self.head.on("click", lambda: opened(self))
 
     def show(self, state: str, line: str | None = None, *, is_open: bool | None = None) -> None:
-        """Its state ("done", "now", "later"), the line below its title, and whether it is open."""
+        """Its state ("done", "now", "next", "later"), the line below its title, and whether it is open."""
         if (state, line, is_open) == self._shown:
             return
         self._shown = state, line, is_open
@@ -86,6 +88,13 @@ def main_button(word: str, action: Callable[..., Any]) -> ui.button:
 def plain_button(word: str, action: Callable[..., Any]) -> ui.button:
     """Any other button."""
     return ui.button(word, on_click=action, color=None).props("flat no-caps").classes("swingid-button swingid-plain")
+
+
+def emphasise(button: ui.button, *, main: bool) -> None:
+    """Make a button the main one of its step, or one of the others."""
+    add, remove = ("swingid-main", "swingid-plain") if main else ("swingid-plain", "swingid-main")
+    if add not in button.classes:
+        button.classes(add=add, remove=remove)
 
 
 def choice_button(word: str, chosen: bool, action: Callable[[], Any]) -> ui.element:

@@ -2,6 +2,7 @@
 import { loadResource } from "../../static/utils/resources.js";
 
 const DASHES = [[], [8, 3], [2, 3], [10, 3, 2, 3], [5, 2], [1, 2]];
+const FEW = 8; // rows of a line that are drawn as dots, too
 const KEPT = 60000; // rows of a live plot, a minute at 1 kHz
 
 function unpacked(packed) {
@@ -12,11 +13,38 @@ function unpacked(packed) {
   return [time, values];
 }
 
+// Round levels from low to high, about `wanted` of them and three at least, where the range is not empty.
+function levels(low, high, wanted) {
+  const wide = high - low;
+  if (!(wide > 0)) return [low];
+  let found = [];
+  for (let power = Math.floor(Math.log10(wide)); ; power--) {
+    for (const first of [5, 2.5, 2, 1]) {
+      const step = first * 10 ** power;
+      const next = [];
+      for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * wide; k++) next.push(k * step);
+      if (found.length >= 3 && next.length > wanted) return found;
+      found = next;
+    }
+  }
+}
+
 export default {
-  template: '<div class="swingid-plot" role="img" :aria-label="title"><div class="swingid-plot-title">{{ heading }}</div><div ref="place"></div></div>',
+  template: `
+    <div class="swingid-plot" role="img" :aria-label="title">
+      <div class="swingid-plot-title">{{ title }}</div>
+      <div class="swingid-plot-unit">
+        <span>{{ unit }}</span>
+        <span v-for="one in key" :key="one.label" class="swingid-plot-key">
+          <svg width="24" height="8" aria-hidden="true"><line x1="0" y1="4" x2="24" y2="4" :stroke="one.ink" :stroke-dasharray="one.dash" stroke-width="2" /></svg>{{ one.label }}
+        </span>
+        <span class="swingid-plot-read">{{ read }}</span>
+      </div>
+      <div ref="place"></div>
+    </div>`,
   props: { title: String, lines: Array, limits: Array, window: Number, height: Number, pickable: Boolean, shown: Array, parts: Array, band: Array },
   data() {
-    return { power: 0 };
+    return { power: 0, read: "", key: [] };
   },
   watch: {
     shown(packed) {
@@ -27,10 +55,9 @@ export default {
     },
   },
   computed: {
-    heading() {
-      const unit = this.lines[0].unit;
+    unit() {
       const factor = this.power ? `10${String(this.power).replace("-", "⁻").replace(/\d/g, (d) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[d])} ` : "";
-      return unit || factor ? `${this.title}, in ${factor}${unit}`.trim() : this.title;
+      return `${factor}${this.lines[0].unit}`;
     },
   },
   async mounted() {
@@ -44,6 +71,8 @@ export default {
     this.sizes.observe(this.$refs.place);
     this.dark = new MutationObserver(() => this.make());
     this.dark.observe(document.body, { attributes: true, attributeFilter: ["class"] });
+    this.follow = (event) => this.pickable && this.plot?.setCursor({ left: this.plot.valToPos(event.detail, "x"), top: -10 }, false);
+    window.addEventListener("swingid-played", this.follow);
     if (this.shown) this.show(...this.shown);
     (this.waiting || []).forEach(([name, args]) => this[name](...args));
     this.waiting = null;
@@ -51,6 +80,7 @@ export default {
   beforeUnmount() {
     this.sizes?.disconnect();
     this.dark?.disconnect();
+    window.removeEventListener("swingid-played", this.follow);
     this.plot?.destroy();
   },
   methods: {
@@ -69,30 +99,34 @@ export default {
       const grid = { stroke: this.ink("line"), width: 1 };
       const axis = { stroke: this.ink("quiet"), grid, ticks: grid, font: "12px system-ui, sans-serif" };
       const bright = { "#0072B2": "#56B4E9", "#56B4E9": "#9ad4f5" };
+      this.inks = this.lines.map((line) => (dark && bright[line.colour]) || line.colour);
+      const many = this.lines.length > 1;
+      this.key = many && this.window ? this.lines.map((line, k) => ({ label: line.label, ink: this.inks[k], dash: DASHES[k].join(" ") })) : [];
+      const right = many && !this.window ? 12 + 6.6 * Math.max(...this.lines.map((line) => line.label.length)) : 16;
       const series = this.lines.map((line, k) => ({
-        label: line.unit ? `${line.label}, ${line.unit}` : line.label,
-        stroke: dark ? bright[line.colour] || line.colour : line.colour,
+        label: line.label,
+        stroke: this.inks[k],
         dash: line.points ? undefined : DASHES[k % DASHES.length],
         width: line.points ? 0 : 1.4,
-        points: { show: line.points, size: k % 2 ? 6 : 5, width: k % 2 ? 1.5 : 0, fill: k % 2 ? this.ink("ground") : dark ? bright[line.colour] || line.colour : line.colour },
+        points: { show: line.points || ((plot) => plot.data[0].length < FEW), size: k % 2 ? 6 : 5, width: k % 2 ? 1.5 : 0, fill: k % 2 ? this.ink("ground") : this.inks[k] },
         paths: line.points ? () => null : undefined,
         spanGaps: false,
-        value: (_, v) => (v == null ? "–" : v.toPrecision(4)),
       }));
       this.plot = new uPlot(
         {
           width: Math.max(this.$refs.place.clientWidth, 200),
           height: this.height,
-          legend: { show: true, live: true },
+          legend: { show: false },
+          padding: [8, right, 0, 0],
           cursor: { drag: { x: true, y: false, setScale: !this.pickable } },
           select: { show: true },
           scales: { x: { time: false }, y: { range: (_, low, high) => this.range(low, high) } },
           axes: [
-            { ...axis, size: 34, space: 56, values: (_, ticks) => this.ticks(ticks, 0).map((t, k) => (k === ticks.length - 1 ? `${t} s` : t)) },
-            { ...axis, space: Math.min(32, this.height / 6), size: (_, values) => Math.max(56, 24 + 7.5 * Math.max(0, ...(values || []).map((v) => v.length))), values: (_, ticks) => this.values(ticks) },
+            { ...axis, size: 34, splits: (plot, _, low, high) => levels(low, high, Math.max(3, plot.bbox.width / devicePixelRatio / 72)), values: (_, ticks) => this.ticks(ticks, 0).map((t, k) => (k === ticks.length - 1 ? `${t} s` : t)) },
+            { ...axis, splits: (plot, _, low, high) => levels(low, high, Math.max(3, this.height / 36)), size: (_, values) => Math.max(56, 24 + 7.5 * Math.max(0, ...(values || []).map((v) => v.length))), values: (_, ticks) => this.values(ticks) },
           ],
-          series: [{ label: "time, s", value: (_, v) => (v == null ? "–" : v.toFixed(3)) }, ...series],
-          hooks: { draw: [(plot) => this.drawn(plot)], setSelect: [(plot) => this.picked(plot)] },
+          series: [{}, ...series],
+          hooks: { draw: [(plot) => this.drawn(plot)], setSelect: [(plot) => this.picked(plot)], setCursor: [(plot) => this.pointed(plot)] },
         },
         this.aligned(),
         this.$refs.place
@@ -182,6 +216,7 @@ export default {
         draw.lineTo(left + width, y);
         draw.stroke();
       }
+      if (!this.window) this.label(plot);
       if (this.parts?.length) {
         draw.fillStyle = this.was ? "rgba(0,0,0,0.6)" : "rgba(118,118,118,0.3)";
         const edges = this.parts.flat().map((t) => inside(plot.valToPos(t, "x", true), left, left + width));
@@ -190,6 +225,38 @@ export default {
         from.forEach((x, k) => to[k] > x && draw.fillRect(x, top, to[k] - x, height));
       }
       draw.restore();
+    },
+    label(plot) {
+      // the name of each of several channels, beside its last value
+      if (this.lines.length < 2) return;
+      const { left, top, width, height } = plot.bbox;
+      const draw = plot.ctx;
+      const high = 14 * devicePixelRatio;
+      const placed = this.channels
+        .map(([, values], k) => ({ k, last: values.findLast((v) => v != null) }))
+        .filter(({ last }) => last != null)
+        .map(({ k, last }) => ({ k, y: Math.min(Math.max(plot.valToPos(last, "y", true), top), top + height - high) }))
+        .sort((a, b) => a.y - b.y);
+      placed.forEach((one, k) => k && (one.y = Math.max(one.y, placed[k - 1].y + high)));
+      draw.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+      draw.textBaseline = "middle";
+      draw.textAlign = "left";
+      for (const { k, y } of placed) {
+        draw.fillStyle = this.inks[k];
+        draw.fillText(this.lines[k].label, left + width + 6 * devicePixelRatio, y);
+      }
+    },
+    pointed(plot) {
+      const t = plot.cursor.left >= 0 ? plot.posToVal(plot.cursor.left, "x") : NaN;
+      const near = this.channels.map(([times, values]) => {
+        if (!times.length || !(t >= times[0] && t <= times[times.length - 1])) return null;
+        let [low, high] = [0, times.length - 1];
+        while (high - low > 1) [low, high] = times[(low + high) >> 1] > t ? [low, (low + high) >> 1] : [(low + high) >> 1, high];
+        return values[t - times[low] < times[high] - t ? low : high];
+      });
+      const said = this.lines.map(({ label, unit }, k) => (near[k] == null ? "" : `${label} ${near[k].toPrecision(4)} ${unit}`.trim()));
+      this.read = said.some(Boolean) ? [`${t.toFixed(3)} s`, ...said.filter(Boolean)].join(" · ") : "";
+      if (this.pickable && this.read && plot.cursor.event) window.dispatchEvent(new CustomEvent("swingid-pointed", { detail: t }));
     },
     picked(plot) {
       if (!this.pickable || plot.select.width < 4) return;

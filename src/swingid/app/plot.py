@@ -74,6 +74,12 @@ class Plot(Element, component="plot.js"):
         if len(time):
             self.run_method("append", *[packed((time, each)) for each in values])
 
+    def entitle(self, title: str) -> None:
+        """Another title."""
+        if self._props["title"] != title:
+            self._props["title"] = title
+            self.update()
+
     def clear_rows(self) -> None:
         """Take all rows away."""
         self.run_method("clear")

@@ -37,7 +37,8 @@ POLLED, LOOK = 0.02, 0.5
 class Seen:
     """What pages show of a task.
 
-    rows: t (s), angle and reference (rad), gain, voltage (V); count: how many came. estimates: swing, time, value,
+    rows: t (s), angle and reference (rad), gain, voltage (V), wheel (rad), None for what a step does not have: of a
+    check what the device sends, of a rehearsal what the twin does; count: how many came. estimates: swing, time, value,
     standard uncertainty, unit. ended: "ok", "failed", "stopped", "died" where its process said nothing, "" while it
     goes on. stops: how often a stop was asked for. out: the journal of a run. when: the last rows came, on the steady
     clock (s).

@@ -6,10 +6,11 @@ const LOST = "not connected: use the emergency stop";
 export default {
   template: `
     <div class="swingid-bar" :class="kind">
+      <div v-if="share > 0 && !lost" class="swingid-bar-share" :style="{ width: 100 * share + '%' }" role="progressbar" aria-label="progress" :aria-valuenow="Math.round(100 * share)"></div>
       <div class="swingid-bar-words" role="status" aria-live="polite">{{ said }}</div>
       <button type="button" class="swingid-stop" style="opacity: 1 !important" :disabled="lost" aria-keyshortcuts="Escape" @click="press">STOP (Esc)</button>
     </div>`,
-  props: { words: String, moves: Boolean, beat: Number, heard: Number },
+  props: { words: String, moves: Boolean, share: Number, beat: Number, heard: Number },
   data() {
     return { lost: true, met: false, pressed: 0, since: 0, slow: false };
   },

@@ -16,7 +16,8 @@ FRESH = 4
 
 STYLE = """
 .swingid-bar { display: flex; gap: 16px; align-items: center; justify-content: space-between; width: 100%;
-  padding: 8px 16px; background: #50575e; color: #ffffff; }
+  padding: 8px 16px; background: #50575e; color: #ffffff; position: relative; }
+.swingid-bar-share { position: absolute; left: 0; top: 0; height: 4px; background: #ffffff; }
 .swingid-bar-words { font-size: 15px; line-height: 1.5; font-variant-numeric: tabular-nums; min-width: 0; }
 .swingid-bar-moves { background: #b3261e; }
 .swingid-bar-lost { background: #e69f00; color: #1b1f23; }
@@ -37,14 +38,15 @@ class StopBar(Element, component="stop_bar.js"):
         super().__init__()
         self._on_stop = on_stop
         self._began = time.monotonic()
-        self._props.update({"words": "", "moves": False, "beat": 0, "heard": 0})
+        self._props.update({"words": "", "moves": False, "share": 0.0, "beat": 0, "heard": 0})
         self.on("stop", self._pressed)
         ui.add_css(STYLE)
 
-    def show(self, words: str, *, moves: bool) -> None:
-        """The state; moves: whether a motor can move. With a sign of life."""
+    def show(self, words: str, *, moves: bool, share: float = 0.0) -> None:
+        """The state; moves: whether a motor can move; share: of the step's time that is over. With a sign of life."""
         self._set("words", words)
         self._set("moves", moves)
+        self._set("share", round(share, 3))
         self._set("beat", self._now())
 
     def is_fresh(self, beat: object) -> bool:

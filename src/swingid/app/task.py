@@ -9,11 +9,12 @@ without a motor ends.
 from __future__ import annotations
 
 import json
+import math
 import os
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,11 +24,16 @@ from swingid.errors import SwingidError
 
 if TYPE_CHECKING:
     from swingid.live.codes import StopMode
+    from swingid.live.guard import Board
     from swingid.live.progress import Progress
     from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
 
 LARGEST = 60_000
 """Bytes of a datagram."""
+
+TOGETHER, APART = 500, 0.005
+"""Rows of a datagram; seconds between two samples that are drawn of a check: a pulse has 16 of them."""
 
 PATIENCE = 2.0
 """Seconds that a check has for its Stop and the answer to it; then its process is ended, and the firmware gives 0 V."""
@@ -86,7 +92,7 @@ class View:
 
     def show(self, progress: Progress) -> None:
         """Send the progress and its new rows."""
-        rows = [[row.t, row.q1, row.ym, row.k, row.u] for row in progress.new]
+        rows = [[row.t, row.q1, row.ym, row.k, row.u, row.q2] for row in progress.new]
         estimate = None
         if progress.fresh and progress.estimate is not None:
             found, own = progress.estimate, progress.estimate.inertia
@@ -95,10 +101,14 @@ class View:
             "state": progress.state.name.lower(),
             **{name: getattr(progress, name) for name in ("time", "left", "tracking", "gain", "voltage", "limit")},
         }
-        message = {"key": self.key, "progress": shown, "rows": rows, "estimate": estimate}
+        self.draw(rows, shown, estimate)
+        self._pass_on()
+
+    def draw(self, rows: list[list[Any]], progress: dict[str, Any], estimate: list[Any] | None = None) -> None:
+        """Send rows, see `runner.Seen`, and how far it is."""
+        message = {"key": self.key, "progress": progress, "rows": rows, "estimate": estimate}
         with suppress(OSError):
             self._socket.sendto(json.dumps(message).encode()[:LARGEST], self.address)
-        self._pass_on()
 
     def listen(self) -> None:
         """Take stops in from now on, in a thread."""
@@ -167,6 +177,49 @@ def perform(task: Task, view: View) -> None:
         view.send("ok")
 
 
+class Samples:
+    """Draws what a device sends while nothing runs, from the bytes on its link: see `runner.Seen.rows`.
+
+    most: seconds that it takes at most.
+    """
+
+    def __init__(self, view: View, most: float) -> None:
+        from swingid.live.frames import Decoder
+
+        self.view, self.most = view, most
+        self.board: Board | None = None
+        self.signs = (1, 1, 1)
+        self._decoder = Decoder()
+        self._first: tuple[int, int, int] | None = None
+        self._next = 0.0
+
+    def tap(self, came: bool, _: float, data: bytes) -> None:
+        """Bytes of the link; came: from the device."""
+        board = self.board
+        if not came or board is None:
+            return
+        rows = []
+        for frame in self._decoder.feed(data):
+            if frame.name != "Sample":
+                continue
+            now = frame.time, frame.axis, frame.wheel
+            self._first = self._first or now
+            time, axis, wheel = (_change(a, b) for a, b in zip(now, self._first, strict=True))
+            if (t := 1e-6 * time) >= self._next:
+                self._next = t + APART
+                angle = 2 * math.pi * self.signs[0] * axis / board.axis_counts
+                turned = 2 * math.pi * self.signs[1] * wheel / board.wheel_counts if board.wheel_counts else None
+                rows.append([t, angle, None, None, self.signs[2] * frame.voltage, turned])
+        if rows:
+            t = rows[-1][0]
+            self.view.draw(rows, {"time": t, "left": max(self.most - t, 0.0)})
+
+
+def _change(now: int, before: int) -> int:
+    """The difference of two numbers of 32 bits that wrap around."""
+    return (now - before + 2**31) % 2**32 - 2**31
+
+
 def _connect(task: Task, rig: Rig, view: View) -> None:
     """Who is there, and whether it is the rig of the rig file."""
     from swingid.live.experiment import opened
@@ -186,12 +239,18 @@ def _check(task: Task, rig: Rig, view: View) -> None:
     from swingid.errors import InputError
     from swingid.live.commission import commission
     from swingid.live.experiment import opened
+    from swingid.live.pulses import LEAD, PULSE, SHARES, TAIL_TIME
+    from swingid.live.rest import listening_time
     from swingid.live.session import Session
 
-    with Session(opened(task.address, rig)) as session:
+    pulses = len(SHARES) + 1  # with that of the guard
+    samples = Samples(view, listening_time(rig) + pulses * (LEAD + 2 * PULSE + TAIL_TIME))
+    with Session(opened(task.address, rig), tap=samples.tap) as session:
         session.link.each_turn = view.require_wanted
         try:
-            session.connect()
+            samples.board = session.connect()
+            device = rig.device
+            samples.signs = device.axis_sign, device.wheel_sign, device.voltage_sign
             if task.clear:
                 session.clear()
             if rig.drive.kind != "reaction-wheel":
@@ -210,6 +269,7 @@ def _check(task: Task, rig: Rig, view: View) -> None:
     if wrong:
         text = f"{task.rig}: device.{' and device.'.join(wrong)} must be the other sign; swingid commission writes it"
         raise InputError(text, code="wrong-sign")
+    view.say("it hangs still, and its signs are those of the rig file")
 
 
 def _rehearse(task: Task, rig: Rig, view: View) -> None:
@@ -219,10 +279,28 @@ def _rehearse(task: Task, rig: Rig, view: View) -> None:
 
     order, limits = order_of(task.motion, task.duration, task.until, rig), Limits.of(rig)
     view.say("the twin runs it …")
-    span = {"duration": order.duration, "rate": 1000.0, "fade": order.fade}
-    found = rehearsed(rig, order.motion, order.controller, limits, **span)
+    rate = 1000.0
+
+    def seen(log: Recording) -> None:
+        for rows in _in_pieces(log, every=max(1, round(rate * APART))):
+            view.draw(rows, {})
+
+    span = {"duration": order.duration, "rate": rate, "fade": order.fade}
+    found = rehearsed(rig, order.motion, order.controller, limits, **span, seen=seen)
     view.say(found.words())
     view.say("within the limits of the guard")
+
+
+def _in_pieces(log: Recording, every: int) -> Iterator[list[list[Any]]]:
+    """Every n-th row of a log of the twin, as many together as a datagram takes."""
+    import numpy as np
+
+    columns = [log.time, log.angle, log.reference, None, log.voltage, log.wheel_angle]
+    count = len(log.time)
+    thin = [[None] * count if column is None else np.round(column, 5).tolist() for column in columns]
+    rows = [list(row) for row in zip(*thin, strict=True)][::every]
+    for start in range(0, len(rows), TOGETHER):
+        yield rows[start : start + TOGETHER]
 
 
 def _run(task: Task, rig: Rig, view: View) -> None:

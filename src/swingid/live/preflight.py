@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from swingid.control.references import Reference
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array
+    from swingid.recording.recording import Recording
 
 
 ENERGY = 2.0
@@ -65,9 +66,19 @@ class Rehearsed:
 
 
 def rehearsed(
-    rig: Rig, motion: Reference, controller: Compensator, limits: Limits, *, duration: float, rate: float, fade: float
+    rig: Rig,
+    motion: Reference,
+    controller: Compensator,
+    limits: Limits,
+    *,
+    duration: float,
+    rate: float,
+    fade: float,
+    seen: Callable[[Recording], None] = lambda _: None,
 ) -> Rehearsed:
     """Run the experiment on the twin of the rig file, with the fade (s) that ends it.
+
+    seen: called with the log of the twin, before it is held against the limits.
 
     Raises UsageError (code "out-of-range") for too few samples, (code "beyond-limits") where it passes the host's
     limits, which are tighter than the firmware's, (code "does-not-follow") where it strays from its reference,
@@ -85,6 +96,7 @@ def rehearsed(
         if error.code != "not-finite":
             raise
         raise UsageError(f"{BEYOND}: the loop is unstable; choose other gains", code="beyond-limits") from None
+    seen(log)
     assert log.voltage is not None
     assert log.reference is not None
     angle, step = log.angle, limits.speed_span

@@ -120,9 +120,10 @@ def test_a_linear_axis_has_a_position(tmp_path):
     with served("--log", str(path), "--rig", str(rig)) as (address, _), browser() as chromium:
         page = chromium.new_page()
         page.goto(address)
-        page.get_by_text("position, in m").first.wait_for(timeout=SLOW)
+        plots = page.locator(".swingid-plot")
+        plots.filter(has_text="The position: ").locator("span", has_text=re.compile("^m$")).wait_for(timeout=SLOW)
         page.locator("summary", has_text="Other channels").click()
-        page.get_by_text("force, in N").first.wait_for(timeout=SLOW)
+        plots.filter(has_text="Force").locator("span", has_text=re.compile("^N$")).wait_for(timeout=SLOW)
 
 
 def test_a_token_keeps_others_out(log):

@@ -286,7 +286,7 @@ def _rehearse(task: Task, rig: Rig, view: View) -> None:
             view.draw(rows, {})
 
     span = {"duration": order.duration, "rate": rate, "fade": order.fade}
-    found = rehearsed(rig, order.motion, order.controller, limits, **span, seen=seen)
+    found = rehearsed(rig, order.motion, order.controller, limits, seen, **span)
     view.say(found.words())
     view.say("within the limits of the guard")
 

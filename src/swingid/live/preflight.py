@@ -70,11 +70,12 @@ def rehearsed(
     motion: Reference,
     controller: Compensator,
     limits: Limits,
+    seen: Callable[[Recording], None] = lambda _: None,
+    /,
     *,
     duration: float,
     rate: float,
     fade: float,
-    seen: Callable[[Recording], None] = lambda _: None,
 ) -> Rehearsed:
     """Run the experiment on the twin of the rig file, with the fade (s) that ends it.
 

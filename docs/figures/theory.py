@@ -26,10 +26,10 @@ IMAGES = Path(__file__).resolve().parents[1] / "images"
 BLUE, ORANGE, GREY = "#1f5fa8", "#c8541b", "#6b7280"
 MILLI = 1e3
 LOOK = {
-    "font.size": 9.5,
+    "font.size": 11.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.titlesize": 10.0,
+    "axes.titlesize": 11.0,
     "axes.titlelocation": "left",
     "figure.constrained_layout.use": True,
     "legend.frameon": False,
@@ -116,7 +116,7 @@ def budget() -> Figure:
     sizes += [inertia.standard_uncertainty * share, (high - low) / 2 * share]
     colours = [BLUE if one.type == "B" else ORANGE for one in parts] + [GREY, "#111827"]
     axis.barh(names, sizes, color=colours)
-    axis.set(xlabel="standard uncertainty of the inertia, % of its value")
+    axis.set(xlabel="standard uncertainty, % of the inertia")
     axis.invert_yaxis()
     return figure
 

@@ -26,7 +26,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
 ]
 root_doc = "index"
-exclude_patterns = ["gallery/README.rst", "files"]  # what pages link to of the repository: read, not set
+exclude_patterns = ["gallery/README.rst"]
 suppress_warnings = ["config.cache"]  # the order of the gallery is a function, so the configuration is read anew
 
 myst_heading_anchors = 5

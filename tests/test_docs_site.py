@@ -61,6 +61,7 @@ def module_order() -> tuple[str, ...]:
             "../src/swingid/model/rig/builtin/paper.toml",
             "files/src/swingid/model/rig/builtin/paper.toml",
         ),
+        ("README.md", "CONTRIBUTING.md", "files/CONTRIBUTING.md.txt"),
         ("docs/rig.md", "https://example.org/a.md", "https://example.org/a.md"),
     ],
 )

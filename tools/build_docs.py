@@ -124,6 +124,8 @@ def _linked(words: str, target: str, page: Path, own: Path) -> str:
         return words[1:-1]
     if there.is_relative_to(DOCS / "images"):
         return f"{words}({_relative(there.relative_to(DOCS), own)})"
+    if there.suffix == ".md":  # not a page of the site, which Sphinx would take it for
+        inside = inside.with_name(f"{inside.name}.txt")
     copy = SOURCE / "files" / inside
     copy.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(there, copy)

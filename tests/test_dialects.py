@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from datetime import datetime, timedelta
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import savemat
 
+import swingid as sw
 from recording_cases import rig_with, swing
 from swingid.errors import InputError
 from swingid.recording import Recording
@@ -301,3 +303,37 @@ def test_a_delimiter_at_the_end_of_header_or_rows(head):
     log = read(head.replace("{rows}", rows), wheel_angle_unit="rad", angle_unit="rad")
     np.testing.assert_allclose(log.time, LOG.time, atol=1e-8)
     np.testing.assert_allclose(log.voltage, LOG.voltage, atol=1e-7)
+
+
+PREAMBLE = """Logger v2.1, serial 1234
+Operator: A. B., room 3
+Date: 2024-03-05
+Rate, 60
+
+Samples 545, Channels: 3, Rate, 60
+"""
+
+
+@pytest.mark.parametrize("units", ["", "s,deg\n"])
+def test_lines_about_the_log_are_no_header(units: str) -> None:
+    body = "t,theta\n" + units + "".join(f"{k / 50},{k % 7}.5\n" for k in range(100))
+    found = read_table((PREAMBLE + body).encode(), "log.csv")
+    assert list(found.columns) == ["t", "theta"]
+    assert len(found.numbers("theta")[0]) == 100
+    assert found.unreadable_rows == 0
+
+
+def test_lines_that_the_rig_file_skips(tmp_path: Path) -> None:
+    rig = sw.Rig.from_text(
+        'name = "a"\n[axis]\ngravity_torque = 1\n[drive]\nkind = "none"\n'
+        '[log]\ntime = "t"\nangle = "q"\nskip_rows = 3\ncomment = "!"\n'
+    )
+    rows = [f"{k / 50},{np.sin(k / 10):.5f}" for k in range(200)]
+    rows.insert(50, "! paused, 0.1")
+    path = tmp_path / "log.txt"
+    path.write_text("a,b\n1,2\n3,4\nt,q\n" + "\n".join(rows) + "\n")
+    log = sw.Recording.load(path, rig)
+    assert len(log) == 200
+    assert [one.code for one in log.findings] == []
+    log.save(tmp_path / "again.csv", rig)
+    assert len(sw.Recording.load(tmp_path / "again.csv", rig)) == 200

@@ -14,7 +14,7 @@ from swingid.errors import InputError, UnanswerableError
 from swingid.recording.conventions import TURN, Conventions, Reading, gather
 from swingid.recording.findings import Finding, Kind, Source, notes_of, switched_off
 from swingid.recording.formats import parquet, read_table
-from swingid.recording.formats.csv import TABLE_NEEDS
+from swingid.recording.formats.csv import TABLE_NEEDS, without_lines
 from swingid.recording.grid import check_grids
 from swingid.recording.header import FACTORS, from_first_row, with_header_units
 from swingid.recording.live import is_live, live
@@ -44,7 +44,7 @@ def read_log(
     switched_off(repairs)  # raises for a name that is none before anything is read
     content = read_bytes(path)
     name = str(path)
-    table = read_table(content, name)
+    table = read_table(without_lines(content, rig.log.skip_rows, rig.log.comment, name), name)
     source = Source(name, hashlib.sha256(content).hexdigest())
     return contents_of(table, rig, source, still_axis=still_axis, repairs=repairs)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, StringConstraints, ValidationInfo, model_validator
 
 from swingid.model.rig.drive import NOT_LEVEL, Tilt, cosine
 from swingid.model.rig.fields import (
@@ -229,7 +229,8 @@ class LogConventions(Table):
     the axis is open, so that no current flows; supply: column of its supply (V), of which `voltage` then is the share.
     clock: relative deviation of the log's clock, positive where it is fast. point: columns of x and y of a mark on the
     body, from which the angle is made; pivot: columns of a second mark, on the body or on the pivot, or its place,
-    without which it is fitted; point_down: the direction in the picture in which the body hangs.
+    without which it is fitted; skip_rows, comment: lines of text before the header, and the mark of lines that are
+    left out; point_down: the direction in the picture in which the body hangs.
     """
 
     time: Column = "t"
@@ -266,6 +267,8 @@ class LogConventions(Table):
     clock: Annotated[Quantity, quantity("", above=-0.5, below=1)] = Quantity(0.0, 1e-4)
     point: Annotated[tuple[str, str] | None, PlainValidator(two_columns)] = None
     pivot: Annotated[tuple[str, str] | tuple[float, float] | None, PlainValidator(two_columns_or_place)] = None
+    skip_rows: Annotated[int, Field(strict=True, ge=0)] = 0
+    comment: Annotated[str, StringConstraints(strict=True, min_length=1, max_length=8)] | None = None
     point_down: Literal["+y", "-y", "+x", "-x"] | None = None
 
     @model_validator(mode="before")

@@ -178,6 +178,20 @@ def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes
     return bytes(sink.getvalue())
 
 
+def without_lines(content: bytes, skip_rows: int, comment: str | None, name: str) -> bytes:
+    """A text without its first lines, and without those that begin with a mark; InputError where it is no text.
+
+    Files of other formats, and those that swingid wrote, are as they are.
+    """
+    wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    own = content.startswith((f"# {METADATA_KEY}:".encode(), b"PK\x03\x04")) or (b"\0" in content[:1024] and not wide)
+    if own or (not skip_rows and not comment):
+        return content
+    lines = as_text(content, name).splitlines(keepends=True)[skip_rows:]
+    mark = comment.encode() if comment else None
+    return b"".join(line for line in lines if mark is None or not line.lstrip().startswith(mark))
+
+
 def as_text(content: bytes, name: str) -> bytes:
     """The content as UTF-8 without a byte order mark; InputError when it is no text."""
     start = content[:64].lstrip()

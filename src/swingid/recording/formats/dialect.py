@@ -47,6 +47,7 @@ def find_layout(body: bytes) -> Layout | None:
     decimal = _decimal(cells) if delimiter != b"," else "."
     cells = _with_equal_ends(cells, width, decimal)
     first = _below_titles(cells, next(k for k, row in enumerate(cells) if len(row) == width), width, decimal)
+    first = _below_preamble(cells, first, width, decimal)
     if _is_row(cells, first, decimal):
         above = len(cells[first - 1]) if first else 0
         # two names or more above the first row are a header that does not fit; one is a title
@@ -138,6 +139,22 @@ def _below_titles(cells: Sequence[Sequence[str]], first: int, width: int, decima
         at -= 1
     padded = all(_filled(cells[k]) < min(width, _filled(cells[at - 1])) for k in range(first, at - 1))
     return at - 1 if padded and len(cells[at - 1]) == width else first
+
+
+def _below_preamble(cells: Sequence[Sequence[str]], first: int, width: int, decimal: str) -> int:
+    """The header below lines about the log, some of which have as many cells as the table by chance; `first` else.
+
+    Such lines hold a number beside a name, or differ in their cells; rows of names do neither.
+    """
+    rows = (k for k, row in enumerate(cells) if k > first and len(row) == width and _numeric(row, decimal))
+    at = next((k for k in rows if k + 1 == len(cells) or _numeric(cells[k + 1], decimal)), first + 1)
+    header = at - 2 if at - 2 > first and _is_units(cells[at - 1]) else at - 1
+    names = [cell.strip() for cell in cells[header]]
+    if header <= first or len(names) != width or not all(names) or len(set(names)) < width:
+        return first
+    above = cells[first:header]
+    broken = any(len(row) != width or any(is_value(cell, decimal) for cell in row) for row in above)
+    return header if broken and not any(is_value(name, decimal) for name in names) else first
 
 
 def _decimal(cells: Sequence[Sequence[str]]) -> str:

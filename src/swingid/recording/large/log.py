@@ -138,6 +138,10 @@ class LargeLog:
 
     @cached_property
     def _open(self) -> File:
+        for key in ("point", "skip_rows", "comment"):
+            if getattr(self.rig.log, key):
+                text = f"{self.path} has more than {LARGE} rows and is read in parts, which [log] {key} does not allow"
+                raise InputError(f"{text}; give --part FROM:TO of a shorter log.", code="not-in-parts")
         return _require(self.path)
 
     @property

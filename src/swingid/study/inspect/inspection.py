@@ -20,6 +20,7 @@ from swingid.preparation.push import without_pushes
 from swingid.preparation.reference import in_units
 from swingid.recording.conventions import SECONDS, Conventions
 from swingid.recording.formats import read_table
+from swingid.recording.formats.csv import without_lines
 from swingid.recording.formats.table import Table
 from swingid.recording.header import with_header_units
 from swingid.recording.inspect import Check, Column, Roles, describe, guess_roles, log_table, read_clock
@@ -144,7 +145,9 @@ def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
     if is_large(path):
         return _of_first_rows(path, rig)
     content = read_bytes(path)
-    return inspect_table(read_table(content, str(path)), rig, Source(str(path), hashlib.sha256(content).hexdigest()))
+    skipped = (0, None) if rig is None else (rig.log.skip_rows, rig.log.comment)
+    table = read_table(without_lines(content, *skipped, str(path)), str(path))
+    return inspect_table(table, rig, Source(str(path), hashlib.sha256(content).hexdigest()))
 
 
 def _of_first_rows(path: str | Path, rig: Rig | None) -> Inspection:

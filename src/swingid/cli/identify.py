@@ -12,7 +12,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swingid.cli.compile import compile_first, kernels_of
-from swingid.cli.options import Certificate, JsonOrRefusal, LogRigFile, Logs, Method, Parts, Report, Verbose, rig_of
+from swingid.cli.options import (
+    NAMES,
+    Certificate,
+    JsonOrRefusal,
+    LogRigFile,
+    Logs,
+    Parts,
+    Report,
+    Verbose,
+    method_name,
+    rig_of,
+)
 from swingid.cli.output import (
     check_report,
     check_targets,
@@ -21,6 +32,7 @@ from swingid.cli.output import (
     refusals_to,
 )
 from swingid.cli.progress import Progress
+from swingid.cli.results_table import tabulate
 from swingid.errors import SwingidError, UsageError
 from swingid.methods.table import DEFAULT
 from swingid.progress import shown
@@ -67,7 +79,14 @@ class Variant(StrEnum):
 def identify(
     logs: Logs,
     rig: LogRigFile = None,
-    method: Method = DEFAULT,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            parser=method_name,
+            metavar=f"[{NAMES}]",
+            help="How the inertia is found; default momentum. May be repeated with --table.",
+        ),
+    ] = None,
     variant: Annotated[
         Variant | None, typer.Option(help="Of --method energy: the paper's formulas, or the better form (default).")
     ] = None,
@@ -87,9 +106,16 @@ def identify(
         list[str] | None, typer.Option(metavar="NAME", help="Leave this fault of the log as it is; may be repeated.")
     ] = None,
     json: JsonOrRefusal = None,
+    table: Annotated[
+        str | None,
+        typer.Option(metavar="FILE.csv", help="Each LOG by itself by each --method: a row per parameter, or a reason."),
+    ] = None,
     monte_carlo: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Draw everything that is uncertain N times through the method (GUM S1)."),
+        typer.Option(
+            metavar="N",
+            help="Draw everything that is uncertain N times, 100 or more, through the method (GUM S1).",
+        ),
     ] = None,
     report: Report = None,
     certificate: Certificate = None,
@@ -99,9 +125,17 @@ def identify(
 
     Several logs of one body give one inertia, how far the logs scatter, and which of them disagree.
     """
-    if variant is not None and method != "energy":
+    rig, methods = rig_of(rig, logs), method or [DEFAULT]
+    if table is not None:
+        other = {"--json": json, "--report": report, "--monte-carlo": monte_carlo, "--added": added}
+        other |= {"--variant": variant, "--option": option, "--certificate": certificate}
+        tabulate(logs, rig, methods, part, _Reading(dict.fromkeys(without_repair or [], False)).load, table, other)
+        return
+    if len(methods) > 1:
+        raise UsageError(f"--method {methods[1]} is a second method; add --table FILE.csv", code="several-methods")
+    name = methods[0]
+    if variant is not None and name != "energy":
         raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
-    rig = rig_of(rig, logs)
     inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")
     check_targets(
         {"--json": json, "--report": report}, inputs | ({certificate: "the laboratory's file"} if certificate else {})
@@ -125,9 +159,9 @@ def identify(
         source["part"] = part[0] if len(part) == 1 else part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
     begun = sha256_begun(logs[0]) if len(logs) == 1 else nullcontext()  # while packages are imported
-    with refusals_to(json, method, provenance, report, stated), begun as digest:
+    with refusals_to(json, name, provenance, report, stated), begun as digest:
         reading = replace(reading, digest=digest)
-        result = _identify(logs, rig, method, options, reading, spans, provenance, json, report, stated, monte_carlo)
+        result = _identify(logs, rig, name, options, reading, spans, provenance, json, report, stated, monte_carlo)
     from swingid.result.brief import brief
 
     hand_over(result, json, report, text=None if verbose else brief(result))

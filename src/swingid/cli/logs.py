@@ -113,6 +113,9 @@ def inspect(
     ] = None,
     json: Json = None,
     report: Report = None,
+    plot: Annotated[
+        str | None, typer.Option(metavar="FILE", help='Write the plots (.png, .svg, .pdf); "-": one in the terminal.')
+    ] = None,
 ) -> None:
     """Report what LOG holds: columns, clock, encoders, motion, and with a rig signs, latencies and encoder errors.
 
@@ -120,6 +123,8 @@ def inspect(
     """
     inputs = {log: "the log"} | ({rig: "the rig file"} if rig is not None else {})
     output.check_files(inputs, json=json, report=report)
+    output.check_targets({"--plot": None if plot == "-" else plot, "--json": json, "--report": report}, inputs)
+    output.check_writable(plot)
     from swingid.model.rig import Rig
     from swingid.model.rig.inside import has_rig
     from swingid.study.inspect import inspect_log
@@ -133,6 +138,14 @@ def inspect(
 
         write_inspection(found, report)
     output.hand_over(found, json, report)
+    if plot == "-":
+        from swingid.report.terminal import plot_of
+
+        output.tell(f"\n{plot_of(found)}", to_error=json == "-")
+    elif plot is not None:
+        from swingid.report.html import write_plot
+
+        output.say(f"wrote {write_plot(found, plot)}")
 
 
 def convert(

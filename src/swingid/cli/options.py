@@ -37,7 +37,7 @@ def rig_of(rig: str | None, logs: Sequence[str]) -> str:
     return found
 
 
-_NAMES = "|".join(METHODS)
+NAMES = "|".join(METHODS)
 
 RigFile = Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")]
 LogRigFile = Annotated[
@@ -47,11 +47,11 @@ LogRigFile = Annotated[
 Logs = Annotated[
     list[str], typer.Argument(metavar="LOG...", help="Logs of one body on the rig, in any format that swingid reads.")
 ]
-Method = Annotated[str, typer.Option(parser=method_name, metavar=f"[{_NAMES}]", help="How the inertia is found.")]
+Method = Annotated[str, typer.Option(parser=method_name, metavar=f"[{NAMES}]", help="How the inertia is found.")]
 Methods = Annotated[
     list[str] | None,
     typer.Option(
-        parser=method_name, metavar=f"[{_NAMES}]", help="Only this method; may be repeated. Default: all of them."
+        parser=method_name, metavar=f"[{NAMES}]", help="Only this method; may be repeated. Default: all of them."
     ),
 ]
 Parts = Annotated[

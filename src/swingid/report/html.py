@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from swingid.errors import UnanswerableError, UsageError
 from swingid.report.figures.studies import draw_forest, draw_inspection, draw_validation
 from swingid.report.page import filled, picture, write_page
 from swingid.report.pdf import Head
 from swingid.report.style import house_style
+from swingid.system import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -161,6 +164,29 @@ def write_inspection(found: Inspection, path: str | Path) -> Path:
         columns=columns_table(found),
     )
     return write_page(page, path, Head("Inspection of a log", found.sha256[:12]))
+
+
+PICTURES = (".png", ".svg", ".pdf")
+"""Endings of pictures."""
+
+
+def write_plot(found: Inspection, path: str | Path) -> Path:
+    """Write the picture of `found` alone, by the ending of `path` as PNG, SVG or PDF, and return the path.
+
+    Raises UsageError for another ending, UnanswerableError where the log could not be read.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in PICTURES:
+        text = f"{target} is no picture; give a name that ends in {', '.join(PICTURES)}"
+        raise UsageError(text, code="unknown-ending")
+    content = io.BytesIO()
+    with house_style():
+        figure = draw_inspection(found)
+        if figure is None:
+            raise UnanswerableError(f"{found.path} could not be read, so there is no plot; see inspect", code="no-plot")
+        figure.savefig(content, format=target.suffix.lower()[1:], dpi=160, bbox_inches="tight")
+    write_whole(target, content.getvalue())
+    return target
 
 
 def write_validation(validation: Validation, rig: Rig, path: str | Path) -> Path:

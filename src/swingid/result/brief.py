@@ -76,6 +76,7 @@ def _values(result: ResultData) -> Iterator[tuple[str, str]]:
 
 def _draws(result: ResultData) -> Iterator[tuple[str, str]]:
     """The leading parameter by propagation of distributions."""
+    yield from (("draws", note.message.rstrip(".")) for note in result.notes if note.code == "no-draws")
     found = result.monte_carlo
     if found is None:
         return

@@ -27,9 +27,10 @@ from swingid.model.rig.fields import Table
 from swingid.model.terms import further_terms, stated_at
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import moved
+from swingid.preparation.prepared import as_recorded
 from swingid.recording.recording import Recording
 from swingid.result.data import Distributed, MonteCarlo
-from swingid.result.result import Result
+from swingid.result.result import Message, Result
 from swingid.study.trials import in_processes
 from swingid.uncertainty.budget import BudgetEntry
 from swingid.uncertainty.freedom import COVERAGE
@@ -163,13 +164,16 @@ def monte_carlo(
 
     workers: processes, by default one per core; the numbers do not depend on them. progress(done, draws).
 
-    Raises UsageError for too few draws, for ratios and for logs of rates; UnanswerableError where hardly any draw has
-    an answer.
+    Ratios, and the results of logs of rates, stay as they are, with the note "no-draws". Raises UsageError for too few
+    draws, UnanswerableError where hardly any draw has an answer.
     """
     if draws < FEWEST:
         raise UsageError(f"{draws} draws are too few for a distribution; take {FEWEST} or more.", code="few-draws")
     if result.ratios or log.angle_speed is not None or log.wheel_speed is not None:
-        raise UsageError("draws are made of logs of angles whose rig has a scale, not of rates.", code="not-drawn")
+        why = "nothing sets a scale" if result.ratios else "the log has rates, whose bias a draw cannot move"
+        text = f"no draws were made, for {why}: the interval is that of the linear propagation (GUM)."
+        return replace(result, notes=(*result.notes, Message("no-draws", text)))
+    rig = as_recorded(rig, log)
     decided = result.provenance.get("preparation")
     noise = decided.get("noise") if isinstance(decided, dict) else None
     sigma = (float(noise["angle"] or 0.0), float(noise["wheel"] or 0.0)) if isinstance(noise, dict) else (0.0, 0.0)

@@ -1,0 +1,104 @@
+"""Many logs, each by itself, by one or more methods, as one table of results: a row per log, method and parameter."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from swingid.errors import SwingidError, UsageError
+from swingid.format import plus_minus
+from swingid.identification import identify
+from swingid.methods.table import one_momentum
+from swingid.model.rig import Rig
+from swingid.progress import tracked
+from swingid.recording.large import LargeLog
+from swingid.recording.recording import Recording
+from swingid.result.result import Result, refusal
+from swingid.study.output import aligned
+
+COLUMNS = (
+    *("log", "method", "status", "parameter", "value", "standard_uncertainty", "low95", "high95", "unit"),
+    *("codes", "message"),
+)
+"""Names of the columns of the table; low95, high95: ends of the 95 % interval; codes: of the warnings."""
+
+
+@dataclass(frozen=True)
+class ResultsTable:
+    """Results by log and method, in their order."""
+
+    results: Mapping[tuple[str, str], Result]
+
+    @property
+    def answered(self) -> bool:
+        """Whether any log has a number."""
+        return any(one.status != "refused" for one in self.results.values())
+
+    def rows(self) -> Iterator[tuple[object, ...]]:
+        """The cells of `COLUMNS`, one row per parameter; of a refused log one row with its code and its reason."""
+        for (log, method), result in self.results.items():
+            codes = " ".join(dict.fromkeys(one.code for one in result.warnings))
+            if result.error is not None:
+                yield log, method, result.status, *[""] * 6, result.error.code, result.error.message
+            for name, one in result.parameters.items():
+                ends = one.interval95 or ("", "")
+                u = "" if one.standard_uncertainty is None else one.standard_uncertainty
+                yield log, method, result.status, name, one.value, u, *ends, one.unit, codes, ""
+
+    def to_csv(self) -> str:
+        """The table as text with commas; numbers with all their digits."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(self.rows())
+        return text.getvalue()
+
+    def summary(self) -> str:
+        """A line per log and method with its leading parameter, for a terminal."""
+        lines = [("log", "method", "status", "result")]
+        for (log, method), result in self.results.items():
+            reason = result.error.code if result.error is not None else ""
+            shown = reason or f"{result.leading} {_shown(result)}"
+            lines.append((log, method, result.status, shown))
+        return "\n".join(line.rstrip() for line in aligned(lines))
+
+
+Load = Callable[[str], Recording | LargeLog]
+
+
+def results_table(
+    logs: Sequence[str], load: Load, rig: Rig, methods: Sequence[str], *, part: object = None
+) -> ResultsTable:
+    """Every log by itself by every method; one that cannot be read, or a method that refuses, is a row with its reason.
+
+    load: reads a log. part: of each log, as of `identify`. Raises UsageError for an unknown method.
+    """
+    results: dict[tuple[str, str], Result] = {}
+    for path in tracked(logs):
+        try:
+            log: Recording | LargeLog | SwingidError = load(path)
+        except SwingidError as error:
+            log = error
+        with one_momentum():
+            for method in methods:
+                results[path, method] = _one(log, rig, method, part)
+    return ResultsTable(results)
+
+
+def _shown(result: Result) -> str:
+    main = result.main
+    return plus_minus(main.value, main.standard_uncertainty, main.unit)
+
+
+def _one(log: Recording | LargeLog | SwingidError, rig: Rig, method: str, part: object) -> Result:
+    """The result of a log, or its refusal."""
+    if isinstance(log, SwingidError):
+        return refusal(method, log)
+    try:
+        return identify(log, rig, method, part=part)
+    except SwingidError as error:
+        if isinstance(error, UsageError) and not isinstance(log, LargeLog):
+            raise
+        return refusal(method, error)

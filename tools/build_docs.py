@@ -24,6 +24,14 @@ DOCS = ROOT / "docs"
 BUILD = DOCS / "_build"
 SOURCE, SCRIPTS, HTML = BUILD / "source", BUILD / "scripts", BUILD / "html"
 NEEDED = ("sphinx", "myst_parser", "furo", "sphinx_gallery", "sphinx_copybutton")
+AT_TOP = {
+    "README.md": "start.md",
+    "CHANGELOG.md": "changes.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "SECURITY.md": "security.md",
+}
+"""Pages at the top of the repository, and what they are called on the site."""
+
 API = "src/swingid/__init__.py"
 """Links to this file go to the reference of the API."""
 
@@ -77,17 +85,16 @@ def pages() -> list[Path]:
     return [
         *sorted(DOCS.glob("*.md")),
         *sorted((ROOT / "examples").glob("*.md")),
-        ROOT / "README.md",
-        ROOT / "CHANGELOG.md",
+        *(ROOT / name for name in AT_TOP),
     ]
 
 
 def place(page: Path) -> Path:
-    """Where a page is in the site's source: those of docs/ at its top, README.md as start.md."""
+    """Where a page is in the site's source: those of docs/ at its top, as those of `AT_TOP`."""
     if page.parent == DOCS:
         return Path(page.name)
     if page.parent == ROOT:
-        return Path({"README.md": "start.md", "CHANGELOG.md": "changes.md"}[page.name])
+        return Path(AT_TOP[page.name])
     return page.relative_to(ROOT)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import foreign_law as law
 from foreign_law import BAD_VALUE, DONE, GAP, WRONG_SESSION, WRONG_STATE, Law, Limits
 
-SCHEMA = 0xEAEACE80
+SCHEMA = 0x77EC1C78
 IDLE, ARMED, RUNNING, STOPPING, FAULT = range(5)
 CLAMPED, STARVED, FINISHED, FADING, INVALID, LATE, DROPPED, BAD_FRAME = (1 << bit for bit in range(8))
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from swingid.balance.errors import sensitivities
-from swingid.balance.fits import LAG
+from swingid.balance.fits import LAG, WindowFit
 from swingid.balance.identifiability import HOPELESS, require_seen
 from swingid.balance.systematics import drift_with_length
 from swingid.balance.together import Run, Together, fit_together, friction_of, unit_of_friction
@@ -35,12 +35,16 @@ from swingid.result.encoders import encoders_cost
 from swingid.result.provenance import add_findings, defaults_taken, exact_in_row_one, of_several, provenance
 from swingid.result.result import Details, Message, Result
 from swingid.uncertainty.budget import Evaluated, Scatter, Source, evaluate, scatter, systematic
-from swingid.uncertainty.freedom import bartlett, scatter_freedom
+from swingid.uncertainty.dark import shrunk
+from swingid.uncertainty.freedom import bartlett, effective_freedom, scatter_freedom
 from swingid.uncertainty.significance import DETECTED
 from swingid.units import Quantity
 
 WORTH_A_NOTE = 0.05
 """Relative uncertainty of torque per volt and back-EMF up to which k and R, quotients of them, are worth a note."""
+
+RANGES = 8
+"""Of a motion that are left out one by one: their spread is then known to a quarter, and each has windows enough."""
 
 BETWEEN_LOGS = "friction that differs between logs"
 """Source of the scatter of the friction between logs of equal inertia."""
@@ -135,7 +139,10 @@ def _evaluate(found: Together, rig: Rig, between_logs: float) -> Evaluated:
     values |= {name: (law.value(name), units[name]) for name in law.unknowns[1:]}
     freedom = [scatter_freedom(row, bartlett(LAG), len(law.unknowns)) for row in law.fit.influence]
     freedom[0] = law.freedom
-    scattered = Scatter("scatter of the windows and sensor noise", law.covariance, np.array(freedom))
+    between = _between_ranges(law)
+    pairs = zip(np.diag(law.covariance), freedom, np.diag(between), strict=True)
+    freedom = [effective_freedom(((own**0.5, f), (more**0.5, RANGES - 1))) for own, f, more in pairs]
+    scattered = Scatter("scatter of the windows and sensor noise", law.covariance + between, np.array(freedom))
     common: list[tuple[Source, str, float]] = [
         (systematic("place of the encoder's grid"), "inertia", found.grid()),
         (
@@ -147,6 +154,27 @@ def _evaluate(found: Together, rig: Rig, between_logs: float) -> Evaluated:
     ]
     declared = [effect.item.on(effect.shifts / effect.item.std) for effect in law.declared]
     return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)
+
+
+def _between_ranges(law: WindowFit) -> Array:
+    """Covariance of the unknowns by a law of friction that does not fit all of the motion, beyond the scatter.
+
+    Fits without one of the ranges of the motion, one after another in time and so mostly in speed, differ by it
+    (jackknife that leaves out groups; Shao and Wu 1989). What its own few ranges leave open is not counted (`shrunk`).
+    """
+    count, nothing = len(law.rows), np.zeros_like(law.covariance)
+    if count < RANGES * 2 * LAG or count * (1 - 1 / RANGES) / (LAG / 2) <= len(law.unknowns):
+        return nothing
+    target, each = law.known + law.explained, []
+    for left_out in np.array_split(np.arange(count), RANGES):
+        each.append(fit_linear(np.delete(law.columns, left_out, axis=0), np.delete(target, left_out)).values)
+    off = np.array(each) - np.mean(each, axis=0)
+    found = (RANGES - 1) / RANGES * off.T @ off
+    own, all_of = np.diag(law.covariance), np.maximum(np.diag(found), 1e-300)
+    excess = np.maximum(shrunk(np.maximum(all_of - own, 0.0), all_of * (2 / (RANGES - 1)) ** 0.5), 0.0)
+    scale = np.sqrt(excess / all_of)
+    result: Array = found * np.outer(scale, scale)
+    return result
 
 
 def _friction_between(found: Together) -> tuple[float, list[Message]]:

@@ -324,7 +324,7 @@ def test_what_the_view_waits_for() -> None:
 
 
 def job(address: str = "tcp://127.0.0.1:1") -> Job:
-    return Job("link", "", RIG, address, "run.mcap", order(1.0), 0)
+    return Job(RIG, address, "run.mcap", order(1.0), 0)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -78,10 +77,13 @@ class ProcessConductor:
         ring.hold(Role.VIEW)
         if self._asked is not None:  # before there was a ring
             ring.ask(*self._asked)
+        job = Job(self.rig, self.address, str(out), order, time.time_ns())
+        ring.write(Kind.JOB, 0.0, pickle.dumps(job))
+        ring.rest()  # no sign of the link yet
         workers: dict[str, subprocess.Popen[bytes]] = {}
         try:
             for role in ("recorder", "link"):
-                workers[role] = self._start(role, order, out, ring)
+                workers[role] = self._start(role, ring)
                 self.pids[role] = workers[role].pid
             done = self._follow(order, ring, workers)
             done.journal_error = done.journal_error or _ended(workers["recorder"])
@@ -106,25 +108,19 @@ class ProcessConductor:
             reason = getattr(error, "strerror", None) or str(error)
             raise InputError(f"cannot write {out}: {reason}; give another --out", code="cannot-write") from None
 
-    def _start(self, role: str, order: Order, out: Path, ring: Ring) -> subprocess.Popen[bytes]:
+    @staticmethod
+    def _start(role: str, ring: Ring) -> subprocess.Popen[bytes]:
         """A process of its own, which the terminal's Ctrl-C does not reach."""
-        job = Job(role, ring.handle, self.rig, self.address, str(out), order, time.time_ns())  # type: ignore[arg-type]
         windows = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-        worker = subprocess.Popen(
-            [sys.executable, "-m", "swingid.live.worker"],
-            stdin=subprocess.PIPE,
+        return subprocess.Popen(
+            [sys.executable, "-m", "swingid.live.worker", role, ring.handle],
+            stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,  # not that of the command, which a pipe's reader may wait for
             stderr=subprocess.PIPE,
             start_new_session=os.name != "nt",
             creationflags=windows,
             pass_fds=ring.descriptors,
         )
-        assert worker.stdin is not None
-        with suppress(BrokenPipeError):  # one that has died is found by what it does not do
-            worker.stdin.write(pickle.dumps(job))
-            worker.stdin.close()
-        worker.stdin = None
-        return worker
 
     def _follow(self, order: Order, ring: Ring, workers: dict[str, subprocess.Popen[bytes]]) -> Done:
         """Show what the ring brings until the link has ended; one that hangs is ended."""

@@ -57,6 +57,7 @@ class Kind(IntEnum):
     SAY = 4
     DONE = 5
     FAILED = 6
+    JOB = 7
 
 
 class Record(NamedTuple):
@@ -204,7 +205,7 @@ class Ring:
         return (StopMode.HARD if wanted == 2 else StopMode.SOFT), words
 
     def write(self, kind: Kind, now: float, data: bytes) -> None:
-        """A record for all readers; only one process may write."""
+        """A record for all readers; only one process may write: who made the ring, until the link begins."""
         head = self.head
         whole = _RECORD.pack(kind, now, len(data)) + data
         if len(whole) > ROOM // 2:

@@ -1,4 +1,4 @@
-"""What the processes of a run do: ``python -m swingid.live.worker`` with a pickled `Job` on standard input.
+"""What the processes of a run do: ``python -m swingid.live.worker ROLE RING``; the ring's first record is the `Job`.
 
 The link: the session alone, into the ring. The recorder: from the ring into the journal. Neither waits for the other.
 """
@@ -14,7 +14,7 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING
 
 from swingid.errors import SwingidError
 from swingid.live.codes import StopMode
@@ -37,10 +37,8 @@ it is ended: the firmware has given 0 V for want of a heartbeat long before.
 
 @dataclass(frozen=True)
 class Job:
-    """What a process is to do. began: time of the first byte, ns since 1970."""
+    """What is to be run. began: time of the first byte, ns since 1970."""
 
-    role: Literal["link", "recorder"]
-    ring: str
     rig: Rig
     address: str
     out: str
@@ -231,9 +229,10 @@ def bug(error: Exception, where: str) -> SwingidError:
 
 def main() -> None:
     """Read the job, do it."""
-    job: Any = pickle.loads(sys.stdin.buffer.read())
-    ring = Ring(job.ring)
-    {"link": link, "recorder": recorder}[job.role](job, ring)
+    role, handle = sys.argv[1:]
+    ring = Ring(handle)
+    job = next(record for record in Reader(ring).read() if record.kind is Kind.JOB)
+    {"link": link, "recorder": recorder}[role](pickle.loads(job.data), ring)
 
 
 if __name__ == "__main__":

@@ -11,11 +11,10 @@ from swingid.model.rig.edit import edited
 from swingid.recording.recording import Recording
 from swingid.result.provenance import provenance
 from swingid.result.result import Message, Result
-from swingid.uncertainty.budget import BudgetEntry, Evaluated, Parameter
+from swingid.result.sources import values_of
+from swingid.uncertainty.budget import Evaluated, Parameter, correlation_of
+from swingid.uncertainty.uncertain import Uncertain, covariance
 from swingid.units import Quantity
-
-Table = dict[str, dict[str, float]]
-"""Correlation coefficients by the names of both parameters."""
 
 
 @dataclass(frozen=True)
@@ -43,28 +42,24 @@ class Found:
     def joined(self, other: Found) -> Found:
         """Both groups: correlated by the stated constants that they share; the scatter is each group's own."""
         mine, theirs = self.evaluated, other.evaluated
-        parameters, budget = mine.parameters | theirs.parameters, [*mine.budget, *theirs.budget]
-        known = {name: u for name, p in parameters.items() if (u := p.standard_uncertainty) is not None}
-        table: Table = {name: {name: 1.0} for name in known}
-        for name, row in (*mine.correlation.items(), *theirs.correlation.items()):
-            table[name] |= row
-        shifts = {name: shifts_of(budget, name) for name in known}
-        for one in known.keys() & mine.parameters.keys():
-            for two in known.keys() & theirs.parameters.keys():
-                shared = sum(u * shifts[two].get(key, 0.0) for key, u in shifts[one].items())
-                whole = known[one] * known[two]
-                table[one][two] = table[two][one] = shared / whole if whole else 0.0
+        known = _values(mine, self.name) | _values(theirs, other.name)
+        table = correlation_of(list(known), covariance(list(known.values())))
+        evaluated = Evaluated(mine.parameters | theirs.parameters, [*mine.budget, *theirs.budget], table)
         warnings, notes = (*self.warnings, *other.warnings), (*self.notes, *other.notes)
-        return Found(self.name, Evaluated(parameters, budget, table), warnings, notes)
+        return Found(self.name, evaluated, warnings, notes)
 
 
-def shifts_of(budget: Sequence[BudgetEntry], parameter: str) -> dict[str, float]:
-    """Change of a parameter for one standard uncertainty of each stated quantity (JCGM 100 5.2)."""
-    return {
-        e.shared_id: math.copysign(e.standard_uncertainty, e.sensitivity)
-        for e in budget
-        if e.parameter == parameter and e.shared_id is not None and e.sensitivity is not None
-    }
+def _values(found: Evaluated, group: str) -> dict[str, Uncertain]:
+    """The parameters whose uncertainty is known, with their sources; what is not stated is of this group alone."""
+    known = [name for name, p in found.parameters.items() if p.standard_uncertainty is not None]
+    return values_of(found, known, lambda entry: entry.shared_id or f"{group}: {entry.source}")
+
+
+def evaluated_of(values: Mapping[str, Uncertain], units: Mapping[str, str]) -> Evaluated:
+    """Parameters by values with their sources: intervals, budget, correlation."""
+    parameters = {name: one.parameter(units[name]) for name, one in values.items()}
+    budget = [entry for name, one in values.items() for entry in one.entries(name)]
+    return Evaluated(parameters, budget, correlation_of(list(values), covariance(list(values.values()))))
 
 
 def result_of(

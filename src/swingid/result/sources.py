@@ -20,7 +20,9 @@ def by_source(entry: BudgetEntry) -> str:
     return entry.shared_id or entry.source
 
 
-def values_of(result: ResultData, names: Iterable[str], identity: Identity = by_source) -> dict[str, Uncertain]:
+def values_of(
+    result: ResultData | Evaluated, names: Iterable[str], identity: Identity = by_source
+) -> dict[str, Uncertain]:
     """Parameters with the sources of their budgets; their scatter is correlated as the result states.
 
     Sources of type A are each parameter's own. What the correlation of two parameters has beyond the sources of type B
@@ -54,6 +56,6 @@ def value_of(result: ResultData | Evaluated, name: str, identity: Identity = by_
     return found
 
 
-def is_correlated(result: ResultData, names: Iterable[str]) -> bool:
+def is_correlated(result: ResultData | Evaluated, names: Iterable[str]) -> bool:
     """Whether the result states how these parameters are correlated."""
     return all(name in result.correlation for name in names)

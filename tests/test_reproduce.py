@@ -18,13 +18,14 @@ from swingid.cli import main
 from swingid.control.references import Sine
 from swingid.errors import UsageError
 from swingid.report.paper import DRAW, Drawing, with_tables, write_paper
+from swingid.study.changes import Times, changed
 from swingid.study.design.motions import course_of
 from swingid.study.reproduce import reproduce, tables
 from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY, verdict
 from swingid.study.reproduce.claims import LAWS as LAWS_OF_CLAIM
 from swingid.study.reproduce.claims_control import needed_voltage
 from swingid.study.reproduce.experiment import controller, converged, settled_within
-from swingid.study.reproduce.imperfections import changed_by, imperfections
+from swingid.study.reproduce.imperfections import imperfections
 from swingid.study.reproduce.reproduction import plain_data
 from swingid.study.reproduce.runs import (
     Log,
@@ -285,11 +286,11 @@ def test_no_method_is_told_what_is_sought() -> None:
     assert (log.recording.time[0], log.recording.time[-1]) == pytest.approx((15.0, 22.0))
 
 
-def test_changed_by_multiplies() -> None:
-    rig = changed_by(rig_of("plain"), {"drive.motor.torque_per_volt": 1.05, "axis.gravity_torque": 0.99})
+def test_multiples_of_what_is_stated() -> None:
+    rig = changed(rig_of("plain"), {"drive.motor.torque_per_volt": Times(1.05), "axis.gravity_torque": Times(0.99)})
     assert rig.drive.motor.torque_per_volt.value == pytest.approx(1.05 * 52.04e-4)
     assert rig.axis.gravity_torque.value == pytest.approx(0.99 * 78e-3)
-    assert changed_by(rig, {"drive.motor.dead_zone": 2.0}).drive.motor.dead_zone == pytest.approx(
+    assert changed(rig, {"drive.motor.dead_zone": Times(2.0)}).drive.motor.dead_zone == pytest.approx(
         (-2 * 2.996e-4, 2 * 5.485e-4)
     )
 

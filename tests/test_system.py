@@ -247,9 +247,15 @@ def test_a_pipe_that_ends_is_a_log(fifo: Path) -> None:
     writer.join(5)
 
 
+def ended_by(code: int) -> None:
+    """End the process, with 0 not."""
+    if code:
+        os._exit(code)
+
+
 def test_a_worker_that_is_ended_gives_one_sentence() -> None:
     with pytest.raises(InputError, match=r"a worker process was ended, perhaps for want of memory") as found:
-        list(system.map_in_processes(2, os._exit, [1, 1]))
+        list(system.map_in_processes(ended_by, [0, 1, 1], 2))
     assert found.value.code == "lost-workers"
 
 

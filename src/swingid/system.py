@@ -183,12 +183,21 @@ def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def map_in_processes(
-    count: int, function: Callable[[Item], Found], items: Sequence[Item], chunksize: int = 1
+    function: Callable[[Item], Found], items: Sequence[Item], workers: int | None = None, chunk: int = 1
 ) -> Iterator[Found]:
-    """What the function returns for each item, in order, by some processes that end with it, also at Ctrl-C."""
+    """What the function returns for each item, in order; the first one here, so that kernels are compiled once.
+
+    workers: processes, by default one per core, that end with this one, also at Ctrl-C; each takes `chunk` items at a
+    time.
+    """
+    yield function(items[0])
+    count = min(workers or cores(), len(items))
+    if count == 1:
+        yield from map(function, items[1:])
+        return
     with worker_pool(count) as pool:
         with interruption_waits():
-            found = pool.map(function, items, chunksize=chunksize)
+            found = pool.map(function, items[1:], chunksize=chunk)
         yield from found
 
 

@@ -94,11 +94,6 @@ class Compensator(SampledController):
         )
         self._require(_hurwitz((1.0, *reversed(self.k))), f"k = {self.k} makes the chain (16) unstable")
 
-    @property
-    def relative_degree(self) -> int:
-        """The relative degree rho of the plant that alpha and k are made for."""
-        return len(self.alpha)
-
     @classmethod
     def paper(cls, rig: Rig, *, sample_time: float = 1e-3) -> Compensator:
         """The gains of the paper's experiment (section 5) with the rig's motor compensated.

@@ -37,4 +37,9 @@ def _value(rig: Rig, key: str, value: Any) -> Any:
     stated = stated_at(rig, key)
     if isinstance(stated, Quantity):
         return Quantity(stated.value * value.factor, stated.std)
+    several: Any = rig
+    for part in key.split("."):
+        several = getattr(several, part, None)
+    if isinstance(several, tuple):
+        return [value.factor * one for one in several]
     raise InputError(f"{key} is not stated as a number, so there is no multiple of it", code="wrong-value")

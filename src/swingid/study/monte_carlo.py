@@ -31,7 +31,7 @@ from swingid.preparation.prepared import as_recorded
 from swingid.recording.recording import Recording
 from swingid.result.data import Distributed, MonteCarlo
 from swingid.result.result import Message, Result
-from swingid.study.trials import in_processes
+from swingid.system import map_in_processes
 from swingid.uncertainty.budget import BudgetEntry
 from swingid.uncertainty.freedom import COVERAGE
 from swingid.units import Quantity, UnknownScale
@@ -183,7 +183,7 @@ def monte_carlo(
     planned = [Draw({}, seed * 2**32 + k) for k in range(min(NOISE_DRAWS, draws))]
     planned += [_drawn(keys, seed, k) for k in range(draws)]
     outcomes: list[dict[str, float] | str] = []
-    for one in in_processes(experiment.estimate, planned, workers, chunk=8):
+    for one in map_in_processes(experiment.estimate, planned, workers, chunk=8):
         outcomes.append(one)
         if progress is not None:
             progress(len(outcomes), len(planned))

@@ -16,7 +16,8 @@ from swingid.numerics.arrays import Array
 from swingid.study.experiment import Experiment, without_truth
 from swingid.study.faults import parse_fault, with_faults
 from swingid.study.output import Study, aligned, counted, noted
-from swingid.study.trials import Expectation, Head, Row, in_processes, rows_of
+from swingid.study.trials import Expectation, Head, Row, rows_of
+from swingid.system import map_in_processes
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
@@ -110,7 +111,7 @@ def rehearse(
     if drawn:
         experiment = with_faults(experiment, drawn)
     found: list[list[Row]] = []
-    for rows in in_processes(partial(run_once, experiment), [seed + k for k in range(runs)], workers):
+    for rows in map_in_processes(partial(run_once, experiment), [seed + k for k in range(runs)], workers):
         found.append(rows)
         if progress is not None:
             progress(len(found), runs)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,14 +16,10 @@ from swingid.methods.table import one_momentum
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
 from swingid.result.result import Parameter
-from swingid.system import cores, map_in_processes
 
 if TYPE_CHECKING:
     from swingid.result.result import Result
     from swingid.study.experiment import Experiment
-
-Item = TypeVar("Item")
-Found = TypeVar("Found")
 
 STILL = 0.01
 """Share of its final value within which the gain k tilde counts as settled."""
@@ -229,18 +225,3 @@ class Expectation:
         # two more of each keep the error from vanishing at 100 %
         share = (hits + 2) / (count + 4)
         return hits / count, float(np.sqrt(share * (1 - share) / (count + 4)))
-
-
-def in_processes(
-    function: Callable[[Item], Found], items: Sequence[Item], workers: int | None, chunk: int = 1
-) -> Iterator[Found]:
-    """What the function returns for each item, in order; the first one here, so that kernels are compiled once.
-
-    workers: processes, by default one per core, each of which takes `chunk` items at a time.
-    """
-    yield function(items[0])
-    count = workers or cores()
-    if count == 1:
-        yield from map(function, items[1:])
-    else:
-        yield from map_in_processes(min(count, len(items)), function, items[1:], chunk)

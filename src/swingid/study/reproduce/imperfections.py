@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from swingid.model.rig import Rig
+from swingid.study.changes import Times, changed
 from swingid.study.experiment import without_truth
 from swingid.study.reproduce import runs
 from swingid.study.reproduce.published import J_E
@@ -159,27 +159,13 @@ def _rms(errors: np.ndarray) -> float:
 
 def _log(case: str, imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int], Log]) -> Log:
     """The log, made once for all rows with the same twin; the rig is the one that the lab states."""
-    stated = changed_by(runs.rig_of(case), imperfection.stated)
+    stated = changed(runs.rig_of(case), {key: Times(factor) for key, factor in imperfection.stated.items()})
     twin = runs.with_friction(runs.rig_of(case), imperfection.friction)
     twin = twin.changed({f"sensors.{key}": value for key, value in imperfection.sensors.items()})
     key = (case, repr((imperfection.friction, imperfection.sensors)), seed)
     if key not in logs:
         logs[key] = runs.experiment_log(case, twin, seed, stated=runs.rig_of(case))
     return replace(logs[key], rig=without_truth(stated))
-
-
-def changed_by(rig: Rig, factors: Mapping[str, float]) -> Rig:
-    """The rig with constants multiplied, by their key."""
-    changes: dict[str, object] = {}
-    for key, factor in factors.items():
-        place: object = rig
-        for name in key.split("."):
-            place = getattr(place, name)
-        if isinstance(place, tuple):
-            changes[key] = [factor * value for value in place]
-        else:
-            changes[key] = factor * float(getattr(place, "value", math.nan))
-    return rig.changed(changes)
 
 
 def _errors(way: str, pair: list[Log], imperfection: Imperfection) -> tuple[float, float]:

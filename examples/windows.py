@@ -42,7 +42,7 @@ def fits(log: sw.Recording, rig: sw.Rig, half: float) -> tuple[WindowFit, Window
     """The fit with exact ends and the one with plain sums; None where the log is too short for the windows."""
     noise = Noise(sample_noise(log.angle), 0.0, 1 / log.rate)
     whole = find_motion(log.time, log.angle, noise.angle)
-    start, stop, _ = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
+    start, stop, _ = usable_part(whole, rig.drive.channel, float(log.time[0]), float(log.time[-1]))
     used = log.segment(start, stop)
     motion = whole.within(float(used.time[0]), float(used.time[-1]))
     signals = Signals.of(used, rig, motion, Encoders.of(rig), longest=0.0)  # blocks of one interval: plain sums

@@ -282,7 +282,7 @@ def test_a_zero_that_is_off_is_told_with_what_it_costs(offset):
 def test_the_centre_of_a_decay_is_where_it_hangs_whatever_the_friction(friction):
     log = free_log(friction, TIME)
     motion = find_motion(log.time, log.angle + 0.05, 1e-6)
-    start, stop, _ = part_of(log, motion, "none")
+    start, stop, _ = part_of(log, motion, None)
     centre, scatter = centre_of(motion.within(start, stop).turning_angles)
     assert centre == pytest.approx(0.05, abs=2e-4)
     assert scatter < 1e-3

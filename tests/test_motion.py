@@ -222,7 +222,7 @@ def test_noise_is_read_off_the_samples():
 
 def test_a_steady_motion_is_used_whole():
     motion = find_motion(TIME, sine(TIME), 0.0)
-    start, stop, note = usable_part(motion, "reaction-wheel", 0.0, 20.0)
+    start, stop, note = usable_part(motion, "wheel_angle", 0.0, 20.0)
     assert (start, stop) == (0.0, 20.0)
     assert note.code == "segment"
     assert note.message == "used the part from 0 to 20 s of a log from 0 to 20 s."
@@ -231,7 +231,7 @@ def test_a_steady_motion_is_used_whole():
 def test_the_transient_of_an_adapting_controller_is_dropped():
     growing = np.clip(0.1 + 0.9 * TIME / 7.0, 0.0, 1.0) * sine(TIME)
     motion = find_motion(TIME, growing, 0.0)
-    start, stop, note = usable_part(motion, "direct", 0.0, 20.0)
+    start, stop, note = usable_part(motion, "torque", 0.0, 20.0)
     # From where swings are within 5 % of the steady ones: at 95 % of the amplitude, that is 6.6 s, or one swing later.
     assert 6.4 < start < 6.6 + 2 * np.pi / OMEGA
     assert start in motion.turning_times
@@ -241,7 +241,7 @@ def test_the_transient_of_an_adapting_controller_is_dropped():
 
 def test_a_motion_of_several_frequencies_is_not_taken_for_a_transient():
     angle = 0.5 * np.sin(5 * TIME) + 0.4 * np.sin(8.1 * TIME + 1)
-    assert usable_part(find_motion(TIME, angle, 0.0), "direct", 0.0, 20.0)[:2] == (0.0, 20.0)
+    assert usable_part(find_motion(TIME, angle, 0.0), "torque", 0.0, 20.0)[:2] == (0.0, 20.0)
 
 
 def decay_between_hand_and_rest(time, noise, release=4.85, start=3.9):
@@ -255,7 +255,7 @@ def decay_between_hand_and_rest(time, noise, release=4.85, start=3.9):
 def test_the_free_decay_between_hand_and_rest_is_found():
     time = np.arange(80_000) / 1000
     motion = find_motion(time, decay_between_hand_and_rest(time, 1e-4), 1e-4)
-    start, stop, note = usable_part(motion, "none", 0.0, 80.0)
+    start, stop, note = usable_part(motion, None, 0.0, 80.0)
     assert 4.85 <= start < 4.85 + 2 * np.pi / 6.5
     assert 60.0 < stop < 65.1
     assert note.message.endswith("the free decay.")
@@ -265,24 +265,24 @@ def test_a_push_ends_the_free_decay():
     time = np.arange(40_000) / 1000
     decaying = np.where(time < 25.0, np.exp(-time / 20), np.exp(-25 / 20) * np.exp((time - 25.0) / 20))
     motion = find_motion(time, decaying * np.cos(6.5 * time), 0.0)
-    start, stop, _ = usable_part(motion, "none", 0.0, 40.0)
+    start, stop, _ = usable_part(motion, None, 0.0, 40.0)
     assert start < 1.5
     assert 24.0 < stop < 26.0
 
 
-@pytest.mark.parametrize("drive", ["reaction-wheel", "direct", "none"])
-def test_few_turning_points_are_no_answer(drive):
+@pytest.mark.parametrize("channel", ["wheel_angle", "torque", None])
+def test_few_turning_points_are_no_answer(channel):
     time = np.arange(1000) / 1000
     motion = find_motion(time, np.sin(6 * time), 0.0)
     with pytest.raises(UnanswerableError, match="swings to and fro") as caught:
-        usable_part(motion, drive, 0.0, 1.0)
+        usable_part(motion, channel, 0.0, 1.0)
     assert caught.value.code == "no-turning-points"
 
 
 def test_swings_that_only_grow_are_no_free_decay():
     motion = find_motion(TIME, np.exp(TIME / 10) * sine(TIME), 0.0)
     with pytest.raises(UnanswerableError, match="free decay") as caught:
-        usable_part(motion, "none", 0.0, 20.0)
+        usable_part(motion, None, 0.0, 20.0)
     assert caught.value.code == "no-free-decay"
 
 
@@ -295,7 +295,7 @@ def test_a_body_that_a_hand_drives_is_no_free_decay(seed, swings):
     amplitude = np.interp(time, places, np.exp(0.3 * rng.normal(size=len(places))))
     motion = find_motion(time, amplitude * np.cos(6.5 * time), 0.0)
     with pytest.raises(UnanswerableError, match="though nothing drives") as caught:
-        usable_part(motion, "none", 0.0, 60.0)
+        usable_part(motion, None, 0.0, 60.0)
     assert caught.value.code == "driven-by-hand"
 
 
@@ -303,7 +303,7 @@ def test_the_decay_after_a_hand_has_driven_the_body_is_taken():
     time = np.arange(60_000) / 500
     amplitude = np.where(time < 40, 1 + 0.4 * np.sin(time), np.exp(-(time - 40) / 15) * (1 + 0.4 * np.sin(40)))
     motion = find_motion(time, amplitude * np.cos(6.5 * time), 0.0)
-    start, stop, _ = usable_part(motion, "none", 0.0, 120.0)
+    start, stop, _ = usable_part(motion, None, 0.0, 120.0)
     assert 38.0 < start < 42.0
     assert stop > 90.0
 
@@ -314,5 +314,5 @@ def test_jitter_of_the_angle_is_no_hand(seed):
     time = np.arange(60_000) / 500
     jitter = np.interp(time, np.arange(0.0, 122.0, np.pi / 6.5), rng.normal(0, 0.01, 253))
     motion = find_motion(time, np.exp(-time / 12) * (1 + jitter) * np.cos(6.5 * time), 0.0)
-    start, stop, _ = usable_part(motion, "none", 0.0, 120.0)
+    start, stop, _ = usable_part(motion, None, 0.0, 120.0)
     assert stop - start > 5.0

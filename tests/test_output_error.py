@@ -143,7 +143,7 @@ def test_sensitivities_of_an_axis_that_sticks(stribeck_log):
 def test_the_axis_is_integrated_to_fourth_order():
     """Steps of the axis over 40 ms, through the cubics of a wheel that speeds up."""
     stated = {"axis.inertia": INERTIA, "axis.gravity_torque": 0.08, "axis.friction.cubic": 1e-4}
-    p = np.append(vector(stated, "none"), np.zeros(4 * COURSES))
+    p = np.append(vector(stated, None), np.zeros(4 * COURSES))
     p[A12], p[WHEEL : WHEEL + 4], p[SPEED : SPEED + 4] = 5e-4, (0.0, 3.0, 20.0, 200.0), (3.0, 40.0, 600.0, 0.0)
 
     def end(steps):

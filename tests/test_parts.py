@@ -187,11 +187,11 @@ def test_all_of_a_selected_part_is_used_with_a_warning_where_it_is_no_decay(thri
 def test_a_transient_in_a_selected_part_is_a_note_and_a_rest_at_the_end_too():
     time = np.arange(20_000) / 1000
     growing = sw.Recording(time=time, angle=np.clip(0.1 + 0.9 * time / 7, 0, 1) * np.sin(8.5 * time), selected=True)
-    found = of_selected(growing, find_motion(time, growing.angle, 0.0), "direct")
+    found = of_selected(growing, find_motion(time, growing.angle, 0.0), "torque")
     assert found is not None
     assert found.level == "note"
     dying = sw.Recording(time=time, angle=np.clip(1 - time / 14, 0, None) * np.cos(8.5 * time), selected=True)
-    found = of_selected(dying, find_motion(time, dying.angle, 0.0), "none")
+    found = of_selected(dying, find_motion(time, dying.angle, 0.0), None)
     assert found is not None
     assert (found.level, found.code) == ("note", "selected-part")
 

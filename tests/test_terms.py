@@ -18,7 +18,7 @@ WITH_A_KEY = [name for name, term in TERMS.items() if term.key]
 @pytest.mark.parametrize("name", [name for name in OF_SPEED if TERMS[name].key])
 def test_the_torque_of_the_twin_is_the_coefficient_times_the_regressor(name):
     term, speeds = TERMS[name], np.array([-3.0, -0.2, 0.4, 2.0])
-    p = vector({"axis.inertia": 1.0, term.key: 0.7}, "none")
+    p = vector({"axis.inertia": 1.0, term.key: 0.7}, None)
     assert [static_curve(v, p) for v in speeds] == pytest.approx(0.7 * term.of_speed(speeds))
     parity = -1.0 if term.odd else 1.0
     np.testing.assert_array_equal(term.of_speed(-speeds), parity * term.of_speed(speeds))
@@ -30,7 +30,7 @@ def test_a_term_moves_the_places_that_it_is_said_to_move(name):
     if name.endswith(("_positive", "_negative")):
         other = name.replace("positive", "x").replace("negative", "positive").replace("x", "negative")
         one |= {TERMS[other].key: 0.1, TERMS[name].key: 0.1}
-    before, after = vector(one, "none"), vector(one | {TERMS[name].key: one.get(TERMS[name].key, 0.0) + 0.5}, "none")
+    before, after = vector(one, None), vector(one | {TERMS[name].key: one.get(TERMS[name].key, 0.0) + 0.5}, None)
     before[WHEEL_STATIC] = after[WHEEL_STATIC] = 0.0  # infinite without a wheel
     changed = after - before
     expected = np.zeros(SIZE)

@@ -106,7 +106,7 @@ def _identify(log: Logs, rig: Rig, chosen: Method, options: Mapping[str, object]
     """`identify` without parts."""
     options = dict(options)
     added = options.pop("added", None)
-    if rig.drive.kind == "motor" or added is not None or (turns_freely(rig) and chosen.name == "momentum"):
+    if rig.drive.channel == "voltage" or added is not None or (turns_freely(rig) and chosen.name == "momentum"):
         run = partial(_together, method=chosen, options=options, added=added)
     else:
         _refuse_coast_down(rig, chosen)

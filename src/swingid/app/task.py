@@ -253,7 +253,7 @@ def _check(task: Task, rig: Rig, view: View) -> None:
             samples.signs = device.axis_sign, device.wheel_sign, device.voltage_sign
             if task.clear:
                 session.clear()
-            if rig.drive.kind != "reaction-wheel":
+            if rig.drive.wheel is None:
                 session.require_ready()
                 view.say("signs are not checked: that needs a reaction wheel")
                 return

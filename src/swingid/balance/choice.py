@@ -232,7 +232,7 @@ def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:
     """Columns of a once-per-turn nonlinearity of the encoders, and of a late channel, where the balance has them."""
     bent = bends(fit.rows, signals, fit.coefficients)
     found = [bent] if bent.size else []
-    if fit.equation.drive == "none":
+    if not fit.equation.driven:
         return found
     return [*found, late_error(fit.rows, signals, fit.coefficients)[:, None]]
 

@@ -25,7 +25,7 @@ OF_TORQUE = ("torque_per_volt", "efficiency", "back_emf", "viscous", "coulomb")
 def of_energy(rig: Rig, equation: Equation) -> Equation:
     """The equation of energies of a rig, with the terms of (II) where it has a wheel."""
     motor = rig.drive.motor
-    if equation.drive != "reaction-wheel" or motor is None:
+    if "wheel" not in equation.coefficients or motor is None:
         return equation
     more = tuple(Constant(MOTOR + name, getattr(motor, name).std or 0.0) for name in OF_TORQUE)
     constants = (*equation.constants, *more)

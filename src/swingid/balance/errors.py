@@ -119,7 +119,7 @@ def _slopes(signals: Signals, one: Perturbation) -> list[tuple[str, int, Slope]]
 
 
 def _channel(signals: Signals, one: Perturbation) -> str:
-    return channel_of(one, signals.source[1].drive.kind)
+    return channel_of(one, signals.source[1].drive.channel)
 
 
 def _at_nodes(signals: Signals, one: Perturbation) -> tuple[Array, int]:

@@ -107,10 +107,13 @@ class RowError:
         return self.of.on(np.append(slopes[:1] + self.direct, slopes[1:]))
 
 
-def channel_of(one: Perturbation, drive: str) -> str:
-    """The channel that an error of a channel acts on: an angle that is late is a drive that is early."""
+def channel_of(one: Perturbation, drive: str | None) -> str:
+    """The channel that an error of a channel acts on: an angle that is late is a drive that is early.
+
+    drive: its channel, as of `Drive.channel`.
+    """
     if one.shape == "latency" and one.channel == "angle":
-        return {"reaction-wheel": "wheel", "direct": "torque", "motor": "voltage"}[drive]
+        return (drive or "").removesuffix("_angle")
     return one.channel or ""
 
 
@@ -187,7 +190,7 @@ def _nonlinearities(rig: Rig, encoders: Encoders) -> Iterator[Perturbation]:
     they are not fitted again: the data would count twice. So a11 has the variance of the joint fit.
     """
     turns: tuple[tuple[Channel, bool], ...]
-    turns = ("angle", rig.axis.kind == "rotary"), ("wheel", rig.drive.kind == "reaction-wheel")
+    turns = ("angle", rig.axis.kind == "rotary"), ("wheel", rig.drive.wheel is not None)
     for channel, there in turns:
         sensor = encoders.angle if channel == "angle" else encoders.wheel
         for shape in BENDS if there and sensor.nonlinearity else ():
@@ -198,9 +201,9 @@ def _nonlinearities(rig: Rig, encoders: Encoders) -> Iterator[Perturbation]:
 
 def _latencies(rig: Rig, encoders: Encoders) -> Iterator[Perturbation]:
     """A channel that is read late. A free decay does not depend on it."""
-    if rig.drive.kind != "none":
+    if rig.drive.channel is not None:
         yield encoder_error(encoders, "angle", "latency", fitted=True)
-    if rig.drive.kind == "reaction-wheel":
+    if rig.drive.wheel is not None:
         yield encoder_error(encoders, "wheel", "latency", fitted=True)
 
 
@@ -211,7 +214,7 @@ def _scales(rig: Rig) -> Iterator[Perturbation]:
     yield Perturbation(ANGLE_OFFSET, log.angle_offset.std or 0.0, ANGLE_OFFSET, "angle", "offset")
     if log.angle_speed is not None:
         yield Perturbation(RATE_SCALE, relative(log.angle_speed_scale), RATE_SCALE, "angle", "scale")
-    if rig.drive.kind == "reaction-wheel":
+    if rig.drive.wheel is not None:
         yield Perturbation(WHEEL_SCALE, relative(log.wheel_scale), WHEEL_SCALE, "wheel", "scale")
 
 

@@ -61,7 +61,7 @@ def impulse_found(
     """
     size, spread = abs(found[0]), found[1]
     left, probability = impulse_left(expected[0], size, spread, expected[1])
-    likely = equation.drive != "none" and probability > LIKELIER and left > spread
+    likely = equation.driven and probability > LIKELIER and left > spread
     seen = (size > DETECTED * spread or likely) and impulse_possible(equation, motion, size, dry)
     return Impulse(impulses_of(motion) if seen else (), left)
 
@@ -82,7 +82,7 @@ def impulse_possible(equation: Equation, motion: Motion, impulse: float, dry: fl
 
     What is fitted in place of dry friction may be negative in a free decay: it drives the motion, and has no memory.
     """
-    return equation.drive != "none" or impulse < REVERSAL * motion.half_period * dry
+    return equation.driven or impulse < REVERSAL * motion.half_period * dry
 
 
 def impulse_left(prior: float, found: float, spread: float, usual: float = 0.0) -> tuple[float, float]:

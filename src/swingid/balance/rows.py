@@ -259,7 +259,7 @@ class Signals:
         wheel = wheel_values = wheel_slopes = None
         if known is not None:
             slopes, wheel_values, wheel_slopes = known.angle_slopes, known.wheel_values, known.wheel_slopes
-        elif rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
+        elif rig.drive.wheel is not None and log.wheel_angle is not None:
             wheel_values = moved(log.time, log.wheel_angle, encoders.wheel.latency.value - late)
             slopes, wheel_slopes = spline_slopes(log.time, np.stack([log.angle, wheel_values]))
         else:
@@ -268,7 +268,7 @@ class Signals:
         if wheel_values is not None and wheel_slopes is not None:
             wheel = nodes.cubics(wheel_values, wheel_slopes)
         torque = None
-        if rig.drive.kind == "direct" and log.torque is not None:
+        if rig.drive.channel == "torque" and log.torque is not None:
             # on the angle's clock: a torque that acts at t is met by the angle in the row stamped t − late
             held = log.drive_held
             torque = nodes.hold(log.torque, late) if held else nodes.spline(moved(log.time, log.torque, -late))

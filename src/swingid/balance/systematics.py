@@ -162,7 +162,7 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     """
     acting, u = rig.axis.acting_gravity, min(u, law.u)
     stated = 0.0 if acting is None else acting.value
-    if law.equation.seeks("gravity_torque") or law.equation.drive == "none" or signals.linear:
+    if law.equation.seeks("gravity_torque") or not law.equation.driven or signals.linear:
         return 0.0
     free = with_gravity_free(law, rig, signals)
     if free is None or free.a11 <= 0 or (stated and free.value("gravity_torque") <= 0):

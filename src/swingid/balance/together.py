@@ -68,7 +68,7 @@ class Run:
         if half not in self.kept:
             signals = self.signals.suited(half)
             windows = law_windows(signals, half)
-            if self.part.rig.drive.kind == "motor":
+            if self.part.rig.drive.channel == "voltage":
                 rows = with_motor(rows_of(signals, _in_motion(windows, signals)), signals)
             else:
                 rows = rows_of(signals, windows)

@@ -192,7 +192,7 @@ def energy_batch(
     equation = equation_of(rig)
     require_batch(rig, equation)
     encoders = plan.encoders(rig)
-    if equation.drive == "reaction-wheel" and (wheel_angle is None or voltage is None):
+    if "wheel" in equation.coefficients and (wheel_angle is None or voltage is None):
         raise InputError(
             "the energy method needs the wheel angle and the voltage; record them.", code="missing-voltage"
         )
@@ -202,7 +202,7 @@ def energy_batch(
     span = (round(plan.start * rate), min(angle.shape[1] - 1, round(plan.stop * rate)))
     constants = _constants(rig, equation)
     nothing = np.empty((len(angle), 0))
-    wheel = nothing if wheel_angle is None or equation.drive == "none" else wheel_angle
+    wheel = nothing if wheel_angle is None or not equation.driven else wheel_angle
     volts = nothing if voltage is None else voltage
     blocks = plan.turns + plan.turns // 4 + 2
 
@@ -232,7 +232,7 @@ def _constants(rig: Rig, equation: Equation) -> Array:
     found = np.zeros(CONSTANTS)
     found[GRAVITY] = equation.value("gravity_torque")
     motor = rig.drive.motor
-    if equation.drive == "reaction-wheel" and motor is not None:
+    if "wheel" in equation.coefficients and motor is not None:
         found[ETA], found[C1] = motor.efficiency.value, motor.torque_per_volt.value
         found[C2], found[GEAR] = motor.back_emf.value, motor.gear_ratio.value
         found[LOW], found[HIGH] = motor.dead_zone

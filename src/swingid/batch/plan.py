@@ -99,7 +99,7 @@ def require_batch(rig: Rig, equation: Equation) -> None:
     """Raise InputError for rigs that the estimators of many logs exclude; UnanswerableError for terms beyond them."""
     refuse_terms(rig, "many logs at once")
     refuse_rates(rig, "many logs at once")
-    if equation.drive == "direct" or equation.seeks("gravity_torque") or equation.linear:
+    if "torque" in equation.coefficients or equation.seeks("gravity_torque") or equation.linear:
         raise InputError(
             f"rig {rig.name}: many logs at once need a rotary axis with a known gravity torque and no direct drive; "
             "identify these logs one by one.",
@@ -122,7 +122,7 @@ def channels_of(equation: Equation, angle: Array, **others: Array | None) -> tup
     angle = np.ascontiguousarray(angle, dtype=np.float64)
     found: list[Array | None] = []
     for name, values in others.items():
-        if values is None and equation.drive == "reaction-wheel":
+        if values is None and "wheel" in equation.coefficients:
             text = f"many logs of a reaction wheel need {name}; record the wheel angle and the voltage."
             raise InputError(text, code="missing-channel")
         if values is None:

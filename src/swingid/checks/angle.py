@@ -155,7 +155,7 @@ def _step(fit: WindowFit, signals: Signals, s: float) -> tuple[float, float]:
 
 
 def _is_driven(fit: WindowFit) -> bool:
-    return fit.equation.drive != "none"
+    return fit.equation.driven
 
 
 def _scaled(

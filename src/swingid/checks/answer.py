@@ -57,7 +57,7 @@ def check_sign(law: WindowFit, where: str, *, live: bool = False) -> None:
     """
     ran("signs")
     equation = law.equation
-    key = {"reaction-wheel": "wheel_angle", "direct": "torque"}.get(equation.drive)
+    key = None if equation.channel == "voltage" else equation.channel
     if key is None:
         if law.a11 <= 0:
             raise UnanswerableError(
@@ -161,7 +161,7 @@ def check_answer(
         text = f"{seen.combination(law.values)}; {advice(seen, *motion)}."
         warnings.append(Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA))
     near_resonance, b = None, equation.value("gravity_torque")
-    if equation.drive != "none" and b:
+    if equation.driven and b:
         leverage = abs(float(law.fit.influence[0] @ law.rows["gravity_torque"]) * b) / law.a11
         if leverage > 0.8:
             gravity = rig.axis.gravity_torque
@@ -169,7 +169,7 @@ def check_answer(
             text = _near_resonance(leverage, amplitude, b / law.a11, budgeted=budgeted)
             near_resonance = Message("near-resonance", text)
             notes.append(near_resonance)
-    if equation.drive == "none":
+    if not equation.driven:
         notes.append(scale_note(rig))
     rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
     text = f"{rank}; {seen.combination(law.values)}, and {seen.price}."
@@ -311,7 +311,7 @@ def free_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -
     compares the readings. A log of the twin has metadata, and is as its rig.
     """
     log = signals.source[0]
-    if rig.drive.kind != "reaction-wheel" or log.metadata or not log.source.read:
+    if rig.drive.wheel is None or log.metadata or not log.source.read:
         return None
     if rig.drive.a12 <= MATTERS * (inertia.standard_uncertainty or 0.0):
         return None

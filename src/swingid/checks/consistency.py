@@ -41,7 +41,7 @@ def require_signs(check: MomentumCheck) -> None:
 
 def cause_of(equation: Equation) -> str:
     """The likely cause of a difference of the energies' inertia to momentum's."""
-    wheel = equation.drive == "reaction-wheel"
+    wheel = "wheel" in equation.coefficients
     return "wrong motor constants" if wheel else "friction that does not depend on the speed alone"
 
 
@@ -80,7 +80,7 @@ def check_energy(
         near_resonance = None if differs else checked.near_resonance
     motor = check.motor(inertia, uses_motor=True)
     notes += motor.notes
-    if equation.drive == "reaction-wheel":
+    if "wheel" in equation.coefficients:
         text = f"{motor_sensitivities(rig, sensitivities, inertia)}; momentum needs no motor constant."
         notes.append(Message("leans-on-the-motor", text))
         warnings += motor.held
@@ -110,7 +110,7 @@ def check_saturation(used: Recording, rig: Rig, inertia: Parameter) -> tuple[lis
     At a jump the wheel's acceleration jumps too, which a smoothed speed does not follow. `momentum` needs no speed. A
     note where `JUMPS` of the inertia is less than its standard uncertainty.
     """
-    if rig.drive.kind != "reaction-wheel" or used.voltage is None:
+    if rig.drive.wheel is None or used.voltage is None:
         return [], []
     ran("saturation")
     low, high = float(used.voltage.min()), float(used.voltage.max())

@@ -15,7 +15,7 @@ def loss_unexplained(evidence: Evidence) -> float | None:
     """
     signals, equation = evidence.signals, evidence.law.equation
     motion, b = signals.motion, equation.value("gravity_torque")
-    if equation.drive != "none" or not b or len(equation.terms) > 1 or len(motion.turning_times) < 4:
+    if equation.driven or not b or len(equation.terms) > 1 or len(motion.turning_times) < 4:
         return None
     potential = b * (1 - np.cos(motion.turning_angles))
     speed, (instants, weights) = signals.speed.ravel(), signals.nodes.flat

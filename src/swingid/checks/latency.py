@@ -99,7 +99,7 @@ def channel_late(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     """Whether the balance shows a latency that the rig file does not declare, and the inertia is biased by it."""
     choice, part = evidence.choice, evidence.part
     rig, equation = part.rig, part.equation
-    if equation.drive == "none" or latency_spread(part.encoders, rig) or not _may_show(choice):
+    if not equation.driven or latency_spread(part.encoders, rig) or not _may_show(choice):
         return None
     channel, name, sensor = late_channel(part.encoders, rig)
     allowed = part.encoders.with_latency(channel, sensor.latency.value, LATEST)
@@ -122,16 +122,16 @@ def channel_late(evidence: Evidence, judged: Judged) -> list[Finding] | None:
 
 def late_channel(encoders: Encoders, rig: Rig) -> tuple[Channel, str, Sensor]:
     """The channel that is corrected, its name in messages and its encoder: the wheel, or the angle for a torque."""
-    if rig.drive.kind == "reaction-wheel":
+    if rig.drive.wheel is not None:
         return "wheel", "the wheel angle", encoders.wheel
     return "angle", "the angle", encoders.angle
 
 
 def latency_spread(encoders: Encoders, rig: Rig) -> float:
     """Declared standard deviation (s) of the latency that the balance depends on; 0 in a free decay."""
-    if rig.drive.kind == "none":
+    if rig.drive.channel is None:
         return 0.0
-    channels = [encoders.angle, *([encoders.wheel] if rig.drive.kind == "reaction-wheel" else [])]
+    channels = [encoders.angle, *([encoders.wheel] if rig.drive.wheel is not None else [])]
     return float(np.hypot.reduce([channel.latency.std or 0.0 for channel in channels]))
 
 
@@ -187,7 +187,7 @@ def latency_of(law: WindowFit, signals: Signals, rig: Rig) -> Latency:
 
 def _counts(item: RowError, rig: Rig) -> float:
     """+1 for the late channel, −1 for the one that it is compared with, 0 for what is no latency."""
-    if rig.drive.kind == "reaction-wheel":
+    if rig.drive.wheel is not None:
         return {"wheel latency": 1.0, "angle latency": -1.0}.get(item.source, 0.0)
     return {"angle latency": 1.0}.get(item.source, 0.0)
 

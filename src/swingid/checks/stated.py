@@ -50,7 +50,7 @@ def encoders_bent(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     """
     law, signals, rig = evidence.law, evidence.signals, evidence.part.rig
     equation, encoders = law.equation, signals.encoders
-    if signals.linear or equation.drive == "none" or equation.seeks("gravity_torque") or _stated_or_usual(evidence):
+    if signals.linear or not equation.driven or equation.seeks("gravity_torque") or _stated_or_usual(evidence):
         return None
     if encoders.level is not None or not _may_show(law, signals):
         return None
@@ -103,7 +103,7 @@ def _uncertain(law: WindowFit) -> Array:
 def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, rig: Rig) -> list[Finding] | None:
     """Whether the balance contradicts `axis.gravity_torque`; tried: the same fit at other lengths of windows."""
     stated, equation = rig.axis.acting_gravity, law.equation
-    if stated is None or equation.seeks("gravity_torque") or equation.drive == "none" or signals.linear:
+    if stated is None or equation.seeks("gravity_torque") or not equation.driven or signals.linear:
         return None
     found = _freed(law, signals, rig)
     if found is None:
@@ -127,7 +127,7 @@ def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, ri
             'axis.gravity_torque, a number or "unknown", or the spring that acts like it.'
         )
         return [Finding(free.a11 - law.a11, text)]
-    drive = "log.torque_gain" if equation.drive == "direct" else "drive.wheel.inertia (with rotor and gear)"
+    drive = "log.torque_gain" if "torque" in equation.coefficients else "drive.wheel.inertia (with rotor and gear)"
     by_drive, by_gravity = (
         number(a11 - equation.carried, equation.unit) for a11 in (free.a11, free.a11 * stated.value / b)
     )

@@ -75,7 +75,7 @@ def validate(
 
     plant, found = Rig.load(rig), load_result(result)
     recordings = [Recording.load(log, plant) for log in logs]
-    driven = "voltage" if input is Input.VOLTAGE else "wheel" if plant.drive.kind == "reaction-wheel" else None
+    driven = "voltage" if input is Input.VOLTAGE else "wheel" if plant.drive.wheel is not None else None
     compile_first(*(task for log in recordings for task in kernels_of("output-error", log, plant, driven)))
     with shown(Progress("logs")):
         validation = run(found, recordings, plant, input=None if input is None else input.value)

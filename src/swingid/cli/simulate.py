@@ -175,7 +175,7 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> Array:
     from swingid.control.controller import require_torque
     from swingid.control.references.parse import EXAMPLES, parse_reference
 
-    if rig.drive.kind not in ("reaction-wheel", "motor"):
+    if rig.drive.motor is None:
         raise UsageError(f"--voltage needs a motor, and rig {rig.name!r} has none", code="no-drive")
     words, count = re.subn(r"(?<![A-Za-z])V(?![A-Za-z])", " rad", text)
     kind = text.strip().partition(" ")[0]

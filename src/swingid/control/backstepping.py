@@ -151,7 +151,7 @@ class Backstepping(SampledController):
         which (21) depends on.
         """
         motor, wheel, gravity = rig.drive.motor, rig.drive.wheel, rig.axis.acting_gravity
-        if rig.drive.kind != "reaction-wheel" or motor is None or wheel is None or rig.axis.kind == "linear":
+        if rig.drive.wheel is None or motor is None or wheel is None or rig.axis.kind == "linear":
             raise refused(cls, f"rig {rig.name!r} is no reaction wheel pendulum with a motor, which (21) is made for")
         if gravity is None or gravity.value <= 0.0 or motor.torque_per_volt.value <= 0.0:
             raise refused(

@@ -115,13 +115,13 @@ class Compensator(SampledController):
 
     @classmethod
     def _for_rig(cls, rig: Rig, delta0: float, sigma0: float, lambda0: float, sample_time: float) -> Compensator:
-        if rig.drive.kind == "none":
+        if rig.drive.channel is None:
             raise refused(cls, f"rig {rig.name!r} has no drive to control")
         return cls(
             delta0=delta0,
             sigma0=sigma0,
             lambda0=lambda0,
-            plant_sign=-1 if rig.drive.kind == "reaction-wheel" else 1,
+            plant_sign=-1 if rig.drive.wheel is not None else 1,
             sample_time=sample_time,
             **motor_voltages(rig),
         )

@@ -34,7 +34,7 @@ def motor_voltages(rig: Rig) -> MotorVoltages:
     """
     motor = rig.drive.motor
     limit = None if motor is None else motor.voltage_limit
-    if motor is None or rig.drive.kind != "reaction-wheel":
+    if motor is None or rig.drive.wheel is None:
         return MotorVoltages(coulomb_voltage=0.0, dead_zone_voltage=(0.0, 0.0), back_emf_ratio=0.0, voltage_limit=limit)
     require_torque(rig)
     c1, eta = motor.torque_per_volt.value, motor.efficiency.value
@@ -50,7 +50,7 @@ def motor_voltages(rig: Rig) -> MotorVoltages:
 def require_torque(rig: Rig) -> None:
     """Raise InputError for a rig whose voltage moves nothing: a reaction wheel without torque per volt."""
     motor = rig.drive.motor
-    if rig.drive.kind == "reaction-wheel" and (motor is None or motor.torque_per_volt.value == 0.0):
+    if rig.drive.wheel is not None and (motor is None or motor.torque_per_volt.value == 0.0):
         message = f"rig {rig.name!r} gives no drive.motor.torque_per_volt, without which no voltage moves it; add it"
         raise InputError(message, code="no-torque")
 

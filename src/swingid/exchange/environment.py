@@ -90,7 +90,7 @@ class SwingEnv(gymnasium.Env):  # type: ignore[misc]  # gymnasium has no types h
 
             self.rig = identified_rig(result if isinstance(result, Result) else load_result(result), self.rig)
         motor = self.rig.drive.motor
-        if self.rig.drive.kind != "reaction-wheel" or motor is None or motor.voltage_limit is None:
+        if self.rig.drive.wheel is None or motor is None or motor.voltage_limit is None:
             message = f"rig {self.rig.name!r} has no wheel with a voltage limit, which {NAME} needs"
             raise UsageError(message, code="no-wheel")
         if task not in TASKS or hold < 1 or not duration > 0:

@@ -112,7 +112,7 @@ def mjcf(model: Model, name: str) -> tuple[str, list[str]]:
     inner = f"{centre!r} {centre!r} {centre!r}"
     limit = f' ctrllimited="true" ctrlrange="{-model.limit!r} {model.limit!r}"' if model.limit else ""
     wheel, drive = _wheel(model, limit)
-    if model.rig.drive.kind in ("direct", "motor"):
+    if model.rig.drive.channel in ("torque", "voltage"):
         drive = f'<general name="drive" joint="axis" gainprm="{model.value("direct")!r}"{limit}/>'
     lines = [
         f'<mujoco model="{name}">',

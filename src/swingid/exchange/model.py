@@ -74,7 +74,7 @@ class Model:
     @property
     def has_wheel(self) -> bool:
         """Whether a reaction wheel drives the rig."""
-        return self.rig.drive.kind == "reaction-wheel"
+        return self.rig.drive.wheel is not None
 
     @property
     def linear(self) -> bool:

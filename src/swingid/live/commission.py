@@ -119,7 +119,7 @@ def commission(
     Raises UsageError for a rig without a reaction wheel, InputError where rig file and device contradict each other
     (code "wrong-sign", "wrong-counts"), DeviceError where the rig is not still, does not move, or its guard trips.
     """
-    if rig.drive.kind != "reaction-wheel":
+    if rig.drive.wheel is None:
         text = f"commissioning needs a reaction wheel, and rig {rig.name!r} has drive.kind = {rig.drive.kind!r}; "
         raise UsageError(text + "find its signs by hand, as docs/rig.md says", code="not-offered")
     with nullcontext() if session.link.stream.virtual else alone():

@@ -49,7 +49,7 @@ def board_of(rig: Rig, *, rate: float = 1000.0, firmware: int = 0) -> Board:
     for channel in draws.CHANNELS:
         resolution = rig.sensors.of(channel).resolution
         counts.append(round(2 * math.pi / resolution) if resolution > 0.0 else IDEAL_COUNTS)
-    wheel = counts[1] if rig.drive.kind == "reaction-wheel" else 0
+    wheel = counts[1] if rig.drive.wheel is not None else 0
     return Board(rate, counts[0], wheel, limit, firmware)
 
 
@@ -77,7 +77,7 @@ class Plant:
         self.rig, self.rate, self.rows, self.seed = rig, rate, rows, seed
         self.push = 0.0
         self._made = draws.draw(rig, rows, seed, constants_too=draw, encoder_zero=encoder_zero)
-        self.values = vector(self._made.values, rig.drive.kind)
+        self.values = vector(self._made.values, rig.drive.channel)
         self._limit = own_limit(rig)
         self._encoders = [encoder.array() for encoder in self._made.encoders]
         self._steps = [encoder.resolution or 2 * math.pi / IDEAL_COUNTS for encoder in self._made.encoders]

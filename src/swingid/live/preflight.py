@@ -188,5 +188,5 @@ def require_same_rig(rig: Rig, board: Board, name: str) -> None:
     if limit is not None and limit > board.voltage_limit * (1 + 1e-6):
         text = f"{rig.source}: drive.motor.voltage_limit is {limit:g} V, and {name} gives {board.voltage_limit:g} V"
         raise InputError(f"{text} at most; state that", code="other-voltage")
-    if rig.drive.kind == "reaction-wheel" and not board.wheel_counts:
+    if rig.drive.wheel is not None and not board.wheel_counts:
         raise InputError(f"{rig.source} has a reaction wheel, and {name} no encoder for it", code="other-rig")

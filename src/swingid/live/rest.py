@@ -72,7 +72,7 @@ def period_of(rig: Rig) -> float | None:
     if not isinstance(inertia, Quantity) or not isinstance(gravity, Quantity) or not gravity.value > 0:
         return None
     drive = rig.drive
-    with_drive = inertia.value + (drive.carried if drive.kind == "reaction-wheel" else drive.reflected)
+    with_drive = inertia.value + (drive.carried if drive.wheel is not None else drive.reflected)
     return 2 * math.pi * math.sqrt(with_drive / gravity.value)
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from swingid.format import time_power
 from swingid.model.parameters import AXIS_TILT, WHEEL_TILT
@@ -74,14 +74,14 @@ class Equation:
 
     beside: what of that inertia is not the body's, J2 + Jr of a wheel, N² Jr of a motor on the axis. constants: those
     that the coefficients are made of. terms: by name those whose regressor is in the registry, gravity first: springs,
-    cogging, the rig's own friction, a motor on the axis.
+    cogging, the rig's own friction, a motor on the axis. channel: of a log, by which a drive acts; None of a free axis.
     """
 
     coefficients: Mapping[str, Coefficient]
     beside: Coefficient
     constants: tuple[Constant, ...]
     linear: bool
-    drive: Literal["reaction-wheel", "direct", "motor", "none"]
+    channel: str | None
     terms: Mapping[str, RigTerm] = field(default_factory=dict)
 
     @cached_property
@@ -108,6 +108,11 @@ class Equation:
     def stated(self) -> dict[str, float]:
         """Known coefficients by the names of their terms."""
         return {name: one.value for name, one in self.coefficients.items() if one.value is not None}
+
+    @property
+    def driven(self) -> bool:
+        """Whether a drive acts on the axis."""
+        return self.channel is not None
 
     def seeks(self, name: str) -> bool:
         """Whether the coefficient of a term is sought."""
@@ -165,8 +170,8 @@ class Equation:
         """The equation of a rig, whether or not anything in it sets the scale (see `preparation.scale.equation_of`)."""
         found = _Building(rig)
         terms = {one.name: one for one in (gravity_term(rig), *rig_terms(rig), *motor_terms(rig))}
-        drive, linear = rig.drive.kind, rig.axis.kind == "linear"
-        return cls(found.coefficients, found.beside, tuple(found.constants), linear, drive, terms)
+        linear = rig.axis.kind == "linear"
+        return cls(found.coefficients, found.beside, tuple(found.constants), linear, rig.drive.channel, terms)
 
 
 class _Building:
@@ -177,13 +182,13 @@ class _Building:
         self.beside = Coefficient(0.0)
         self.constants: list[Constant] = []
         motor = motor_terms(rig)
-        if rig.drive.kind == "reaction-wheel":
+        if rig.drive.wheel is not None:
             self._wheel(rig)
-        elif rig.drive.kind == "direct":
+        elif rig.drive.channel == "torque":
             gain = rig.log.torque_gain
             self._made_of("log.torque_gain", gain)
             self.coefficients["torque"] = Coefficient(-1.0, {"log.torque_gain": -1.0 / gain.value})
-        elif rig.drive.kind == "motor":
+        elif rig.drive.channel == "voltage":
             self._reflected(rig)
         for term in motor:
             self._stated(term)

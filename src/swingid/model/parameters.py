@@ -84,8 +84,7 @@ def constants(rig: Rig) -> dict[str, Quantity]:
         quantity = stated_at(rig, TERMS[name].key)
         if isinstance(quantity, Quantity):
             found[TERMS[name].key] = quantity
-    if rig.drive.kind == "reaction-wheel":
-        assert rig.drive.wheel is not None
+    if rig.drive.wheel is not None:
         assert rig.drive.motor is not None
         found["drive.wheel.inertia"] = rig.drive.wheel.inertia
         for key in MOTOR_KEYS:
@@ -93,7 +92,7 @@ def constants(rig: Rig) -> dict[str, Quantity]:
         d2, d1 = rig.drive.motor.dead_zone
         found["drive.motor.dead_zone.negative"] = Quantity(d2)
         found["drive.motor.dead_zone.positive"] = Quantity(d1)
-    if rig.drive.kind == "motor":
+    if rig.drive.channel == "voltage":
         found |= _motor_on_axis(rig)
     for term in further_terms():
         for key in (term.key, term.shift, term.order):
@@ -126,25 +125,25 @@ def _no_motion(rig: Rig, key: str, stated: str, code: str) -> InputError:
 
 def rig_vector(rig: Rig) -> Array:
     """The parameter vector (SIZE,) of a rig's stated values; errors as `constants` and `vector`."""
-    return vector({key: quantity.value for key, quantity in constants(rig).items()}, rig.drive.kind)
+    return vector({key: quantity.value for key, quantity in constants(rig).items()}, rig.drive.channel)
 
 
-def vector(values: Mapping[str, float], drive: str = "reaction-wheel") -> Array:
+def vector(values: Mapping[str, float], channel: str | None = "wheel_angle") -> Array:
     """The parameter vector (SIZE,) from plain SI values under rig.toml keys; absent keys mean "not there".
 
-    `drive` is "reaction-wheel", "direct", "motor" or "none". A direction's own coefficient (viscous_positive, ...)
-    takes the place of the two-sided one; static friction below Coulomb friction is lifted to it. Raises
-    InputError for LuGre without a friction level and for a mass matrix that is not positive definite.
+    channel: of the drive, as of `Drive.channel`, None of a free axis. A direction's own coefficient
+    (viscous_positive, ...) takes the place of the two-sided one; static friction below Coulomb friction is lifted to
+    it. Raises InputError for LuGre without a friction level and for a mass matrix that is not positive definite.
     """
     p = np.zeros(SIZE)
     p[A11] = values["axis.inertia"]
     p[B] = values.get("axis.gravity_torque", 0.0) * math.cos(values.get(AXIS_TILT, 0.0))
-    p[DIRECT] = float(drive == "direct")
+    p[DIRECT] = float(channel == "torque")
     p[A22], p[GEAR], p[ETA], p[WHEEL_STATIC] = 1.0, 0.0, 1.0, math.inf
-    if drive == "reaction-wheel":
+    if channel == "wheel_angle":
         _motor(values, p)
     _friction(values, p)
-    if drive == "motor":
+    if channel == "voltage":
         p[DIRECT] = values["drive.motor.torque_per_volt"]
         p[A11] += values["drive.motor.gear_ratio"] ** 2 * values["drive.motor.rotor_inertia"]
         p[[VISCOUS_P, VISCOUS_N]] += values["drive.motor.back_emf"]

@@ -91,7 +91,7 @@ class Encoders:
         if log is None:
             return cls(angle, wheel)
         delay = 0.0 if rig.sensors.says_latency else DELAY / log.rate
-        if rig.drive.kind == "reaction-wheel":
+        if rig.drive.wheel is not None:
             wheel = replace(wheel, delay=delay)
         else:
             angle = replace(angle, delay=delay)
@@ -138,7 +138,7 @@ def is_off(log: Recording, repair: str) -> bool:
 def _latencies(log: Recording, rig: Rig) -> tuple[Recording, list[Correction]]:
     """The log with a note of the known latencies, and the decision on each. A free decay does not depend on them."""
     channels: dict[Channel, Sensor] = {"angle": rig.sensors.of("angle")}
-    if log.wheel_angle is not None and rig.drive.kind == "reaction-wheel":
+    if log.wheel_angle is not None and rig.drive.wheel is not None:
         channels["wheel"] = rig.sensors.of("wheel")
     late = {name: sensor.latency for name, sensor in channels.items() if sensor.latency.value}
     if rig.drive.channel is None or not late:

@@ -109,7 +109,7 @@ class Prepared:
         log = on_stamps(self.log, self.encoders) if at_stamps else self.log
         found = self._motion(log, noise.angle)
         if not few:
-            start, stop, note = part_of(log, found, self.rig.drive.kind)
+            start, stop, note = part_of(log, found, self.rig.drive.channel)
         if whole:
             start, stop = float(log.time[0]), float(log.time[-1])
             note = Message("segment", f"used the whole log from {start:.4g} to {stop:.4g} s.")
@@ -153,7 +153,7 @@ class Prepared:
             notes.append(rises.note(evaluated.parameters["inertia"].value))
             evaluated = rises.counted(evaluated)
         log = self.log
-        off = of_selected(log, self._motion(log, part.noise.angle), self.rig.drive.kind) if log.selected else None
+        off = of_selected(log, self._motion(log, part.noise.angle), self.rig.drive.channel) if log.selected else None
         log = replace(log, findings=(*log.findings, off)) if off else log
         add_findings(log, warnings, notes, used=(part.start, part.stop))
         decided = {

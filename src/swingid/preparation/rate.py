@@ -223,7 +223,7 @@ def _motion(log: Recording, rig: Rig) -> Motion | None:
     except UnanswerableError:
         return None
     try:
-        start, stop, _ = part_of(log, motion, rig.drive.kind)
+        start, stop, _ = part_of(log, motion, rig.drive.channel)
     except UnanswerableError:
         return motion
     return motion.within(start, stop)

@@ -87,11 +87,11 @@ def reference_of(rig: Rig) -> Reference | None:
         # the motor's constants are in N m, of which nothing else is
         gear = None if rig.drive.motor is None else rig.drive.motor.gear_ratio.value
         return _driven(rig, WHEEL, "wheel_inertia", {"drive.motor": {"gear_ratio": gear} if gear else None})
-    if rig.drive.kind == "direct" and isinstance(rig.log.torque_gain, UnknownScale):
+    if rig.drive.channel == "torque" and isinstance(rig.log.torque_gain, UnknownScale):
         return _driven(rig, GAIN, "torque_gain", {})
     b, held = rig.axis.gravity_torque, [term for term in rig_terms(rig) if term.term.is_conservative]
     acts = any(term.value is not None and term.value.value for term in held) or (isinstance(b, Quantity) and b.value)
-    if rig.drive.kind == "motor" and not acts and "torque_per_volt" in Equation.of(rig).sought:
+    if rig.drive.channel == "voltage" and not acts and "torque_per_volt" in Equation.of(rig).sought:
         return _motor_on_axis(rig)
     if rig.drive.channel is not None or acts:
         return None

@@ -57,7 +57,7 @@ def refuse_terms(rig: Rig, method: str) -> None:
 
 def refuse_motor(rig: Rig, what: str) -> None:
     """Raise UnanswerableError where a motor is on the axis, for what does not have its terms."""
-    if rig.drive.kind == "motor":
+    if rig.drive.channel == "voltage":
         raise UnanswerableError(
             f"rig {rig.name}: drive.kind is 'motor', a motor on the axis, which {what} does not have; use identify "
             "with the method momentum.",
@@ -151,19 +151,19 @@ def _only_loses(log: Recording, rig: Rig, motion: Motion) -> bool:
         return not np.any(away) and bool(np.all(np.diff(motion.swing_sizes) <= 0))
     start, stop = float(log.time[0]), float(log.time[-1])
     try:
-        begin, _, _ = usable_part(motion, "none", start, stop)
+        begin, _, _ = usable_part(motion, None, start, stop)
     except UnanswerableError:
         return False
     sizes = motion.within(begin, stop).swing_sizes
     if np.ptp(sizes) < FLOOR * np.max(sizes):  # without any loss: something drives it
         return False
-    used, _, _ = usable_part(motion, rig.drive.kind, start, stop, log.left_out)
+    used, _, _ = usable_part(motion, rig.drive.channel, start, stop, log.left_out)
     return int(np.count_nonzero((motion.turning_times > used) & (motion.turning_times < begin))) <= SWINGS_OFF
 
 
 def require_motor(log: Recording, rig: Rig, equation: Equation, method: str) -> None:
     """Raise InputError without the voltage of a reaction wheel's motor, UnanswerableError without its constants."""
-    if equation.drive != "reaction-wheel":
+    if "wheel" not in equation.coefficients:
         return
     if log.voltage is None:
         raise InputError(

@@ -21,29 +21,29 @@ LEAST_LEFT = 0.1
 
 
 def usable_part(
-    motion: Motion, drive: str, start: float, stop: float, left_out: Iterable[Iterable[float]] = ()
+    motion: Motion, channel: str | None, start: float, stop: float, left_out: Iterable[Iterable[float]] = ()
 ) -> tuple[float, float, Message]:
     """Start and stop (s) of the part to use, and a note that names it.
 
     left_out: excluded parts (s), of a push; the transient after them is not that at the beginning.
     Raises UnanswerableError where fewer than four turning points are found.
     """
-    _require_turns(motion, drive, start, stop)
-    if drive == "motor":  # equation (I) with the motor's constants holds from the first row on
+    _require_turns(motion, channel, start, stop)
+    if channel == "voltage":  # equation (I) with the motor's constants holds from the first row on
         return start, stop, Message("segment", f"used the whole log from {start:.4g} to {stop:.4g} s.")
-    used = _decay(motion, start, stop) if drive == "none" else _steady(motion, start, stop, left_out)
+    used = _decay(motion, start, stop) if channel is None else _steady(motion, start, stop, left_out)
     text = f"used the part from {used[0]:.4g} to {used[1]:.4g} s of a log from {start:.4g} to {stop:.4g} s"
-    reason = "the free decay" if drive == "none" else "after the transient"
+    reason = "the free decay" if channel is None else "after the transient"
     whole = used[1] - used[0] > 0.98 * (stop - start)
     return *used, Message("segment", f"{text}." if whole else f"{text}: {reason}.")
 
 
-def _require_turns(motion: Motion, drive: str, start: float, stop: float) -> None:
+def _require_turns(motion: Motion, channel: str | None, start: float, stop: float) -> None:
     """Raise UnanswerableError where fewer than four turning points are found."""
     if len(motion.turning_times) < FEWEST_TURNS:
         found = len(motion.turning_times)
         # momentum needs none with a direct drive, as in a spin-up
-        other = ", or identify one in one direction with the method momentum" if drive == "direct" else ""
+        other = ", or identify one in one direction with the method momentum" if channel == "torque" else ""
         raise UnanswerableError(
             f"the angle shows {found} turning point{'' if found == 1 else 's'} from {start:.6g} to {stop:.6g} s, "
             f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro{other}.",
@@ -51,25 +51,25 @@ def _require_turns(motion: Motion, drive: str, start: float, stop: float) -> Non
         )
 
 
-def part_of(log: Recording, motion: Motion, drive: str) -> tuple[float, float, Message]:
+def part_of(log: Recording, motion: Motion, channel: str | None) -> tuple[float, float, Message]:
     """`usable_part` of a log and its excluded parts; all of one that a user selected."""
     start, stop = float(log.time[0]), float(log.time[-1])
     if log.selected:
-        _require_turns(motion, drive, start, stop)
+        _require_turns(motion, channel, start, stop)
         return start, stop, Message("segment", f"used all of the selected part from {start:.4g} to {stop:.4g} s.")
-    return usable_part(motion, drive, start, stop, log.left_out)
+    return usable_part(motion, channel, start, stop, log.left_out)
 
 
-def of_selected(log: Recording, motion: Motion, drive: str) -> Finding | None:
+def of_selected(log: Recording, motion: Motion, channel: str | None) -> Finding | None:
     """What of a part that a user selected would have been left out; None where nothing worth a swing.
 
     A warning of a free decay, in which something else acts then, and a note else: the equation holds in a transient.
     """
     start, stop = float(log.time[0]), float(log.time[-1])
-    if drive == "motor" or len(motion.turning_times) < FEWEST_TURNS:
+    if channel == "voltage" or len(motion.turning_times) < FEWEST_TURNS:
         return None
     try:
-        begin, end, _ = usable_part(motion, drive, start, stop, log.left_out)
+        begin, end, _ = usable_part(motion, channel, start, stop, log.left_out)
     except UnanswerableError as error:
         text = f"the selected part from {start:.4g} to {stop:.4g} s was used, although by its swings {error.message}"
         return Finding("selected-part", text, "warning")
@@ -80,10 +80,10 @@ def of_selected(log: Recording, motion: Motion, drive: str) -> Finding | None:
     text = (
         f"all of the selected part from {start:.4g} to {stop:.4g} s was used; only from {begin:.4g} to {end:.4g} s it "
     )
-    text += "looks like a free decay." if drive == "none" else "looks steady."
+    text += "looks like a free decay." if channel is None else "looks steady."
     # behind the last turning point the body rests, which is no other cause
     at_rest = not late and not np.any(motion.turning_times > end)
-    return Finding("selected-part", text, "note" if drive != "none" or at_rest else "warning")
+    return Finding("selected-part", text, "note" if channel is not None or at_rest else "warning")
 
 
 def longest_run(log: Recording) -> Recording:

@@ -68,7 +68,7 @@ def centred(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction, ...]
     noise = channel_noise(log, rig)
     try:
         motion = find_motion(log.time, log.angle, noise.angle)
-        start, stop, _ = part_of(log, motion, rig.drive.kind)
+        start, stop, _ = part_of(log, motion, rig.drive.channel)
     except UnanswerableError:
         return log, ()  # the method says why
     found = centre_of(motion.within(start, stop).turning_angles)

@@ -126,9 +126,8 @@ class Swings:
         refuse_motor(rig, "online")
         refuse_rates(rig, "a stream")
         self.rig, self.method, self.equation = rig, method, equation_of(rig)
-        drive = rig.drive.kind
-        voltage = drive == "reaction-wheel" and method == "energy"
-        self.reader = Reader((True, True, drive == "reaction-wheel", drive == "direct" or voltage))
+        wheel = rig.drive.wheel is not None
+        self.reader = Reader((True, True, wheel, rig.drive.channel == "torque" or (wheel and method == "energy")))
         self.without = 0
         self._buffer: SwingBuffer | None = None
         self._early: list[Row] = []
@@ -198,7 +197,7 @@ class Swings:
 
     def _left_alone(self, motion: Motion, at: int) -> bool:
         """Whether no torque but friction acts: in a free decay each swing is smaller than the one before."""
-        if self.equation.drive != "none":
+        if self.equation.driven:
             return True
         before, after = motion.swing_sizes[at - 1 : at + 1]
         was, self._shrinking = self._shrinking, bool(after < 1.002 * before)
@@ -206,7 +205,7 @@ class Swings:
 
     def _recording(self, piece: Array) -> Recording:
         drive = piece[:, 3] if self.reader.needed[3] else None
-        wheel = self.equation.drive == "reaction-wheel"
+        wheel = "wheel" in self.equation.coefficients
         return Recording(
             time=piece[:, 0],
             angle=piece[:, 1],

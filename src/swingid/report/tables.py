@@ -128,7 +128,7 @@ def _constants(rig: Rig) -> Iterator[tuple[str, object]]:
     for section in ("axis", "drive"):
         yield from _leaves(getattr(rig, section), section)
     gain = getattr(rig.log, "torque_gain", None)
-    if rig.drive.kind == "direct" and isinstance(gain, Quantity):
+    if rig.drive.channel == "torque" and isinstance(gain, Quantity):
         yield "log.torque_gain", gain
     for key in ("angle_scale", "angle_offset", "angle_speed_scale", "wheel_scale", "voltage_scale"):
         value = getattr(rig.log, key)
@@ -160,7 +160,7 @@ def sensor_rows(rig: Rig) -> list[Row]:
     """What the rig states of its sensors, angle and wheel; what is zero is left out."""
     linear = rig.axis.kind == "linear"
     channels = {"position" if linear else "angle": rig.sensors.of("angle")}
-    if rig.drive.kind == "reaction-wheel":
+    if rig.drive.wheel is not None:
         channels["wheel angle"] = rig.sensors.of("wheel")
     rows = []
     for name, word in SENSORS.items():

@@ -33,7 +33,7 @@ def encoder_defaults(rig: Rig) -> dict[str, str]:
     found = {key: text for key, text in found.items() if axis.get(key) != text}
     found = {key: text for key, text in found.items() if not text.endswith(" 0 deg")}
     if rig.drive.channel is not None and not rig.sensors.says_latency:
-        table = "sensors.wheel" if rig.drive.kind == "reaction-wheel" else "sensors"
+        table = "sensors.wheel" if rig.drive.wheel is not None else "sensors"
         found[f"{table}.latency"] = f"0 ± {DELAY:.2f} samples"
     return found
 
@@ -42,7 +42,7 @@ def _tables(rig: Rig) -> Iterator[tuple[str, Encoder]]:
     """Table and keys of each encoder that may have a nonlinearity."""
     if rig.axis.kind == "rotary" and not rig.log.has_rate_alone:
         yield "sensors", rig.sensors
-    if rig.drive.kind == "reaction-wheel":
+    if rig.drive.wheel is not None:
         yield "sensors.wheel", rig.sensors.of_wheel
 
 

@@ -66,7 +66,7 @@ def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
     if rig.drive.motor is not None:
         motor = rig.drive.motor
         found |= {f"drive.motor.{name}": getattr(motor, name) for name in type(motor).model_fields}
-    if rig.drive.kind == "direct":
+    if rig.drive.channel == "torque":
         found["log.torque_gain"] = rig.log.torque_gain
     scales = ("angle_scale", "angle_offset", "angle_speed_scale", "wheel_scale", "voltage_scale")
     found |= {f"log.{key}": getattr(rig.log, key) for key in scales if stated(rig.log, key)}

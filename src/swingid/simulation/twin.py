@@ -102,7 +102,7 @@ class Setup:
     def inputs(self, times: Array, rows: int) -> tuple[Array, bool]:
         """(reference or commands at `times`, whether the loop is open); UsageError where they contradict."""
         rig, reference = self.rig, self.reference
-        if rig.drive.kind == "none" and (reference is not None or self.drive is not None):
+        if rig.drive.channel is None and (reference is not None or self.drive is not None):
             raise UsageError(f"rig {rig.name!r} has no drive, so it can't follow anything", code="no-drive")
         if self.drive is not None:
             if reference is not None or self.controller is not None:
@@ -142,13 +142,13 @@ class Setup:
         pushes = self.pushes(len(inputs), len(log))
         if pushes.size:
             arguments["push"] = {"largest": float(np.max(np.abs(pushes))), "rows": int(np.count_nonzero(pushes))}
-        kept, kind, closed = np.flatnonzero(made.kept), self.rig.drive.kind, controller is not None
+        kept, drive, closed = np.flatnonzero(made.kept), self.rig.drive, controller is not None
         return Recording(
             time=times[kept],
             angle=log[kept, 0],
-            wheel_angle=log[kept, 1] if kind == "reaction-wheel" else None,
-            voltage=log[kept, 2] if kind in ("reaction-wheel", "motor") else None,
-            torque=log[kept, 2] if kind == "direct" else None,
+            wheel_angle=log[kept, 1] if drive.wheel is not None else None,
+            voltage=log[kept, 2] if drive.motor is not None else None,
+            torque=log[kept, 2] if drive.channel == "torque" else None,
             reference=inputs[kept] if closed else None,
             adaptive_gain=log[kept, 3] if closed else None,
             metadata=draws.metadata(self.rig, made, controller, self.reference, **arguments),
@@ -219,7 +219,7 @@ def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
         state, gains = controller.initial_state(setup.initial_angle), controller.parameters(1.0 / rate)
     noise = np.zeros((2, len(inputs)))
     noise[:, :rows] = made.noise
-    p = vector(made.values, rig.drive.kind)
+    p = vector(made.values, rig.drive.channel)
     seen, log = np.zeros((len(instants), STATES)), np.zeros((rows, 4))
     log[:, 2] = np.nan  # a command, which the loop writes row by row
     loop = partial(

@@ -130,7 +130,7 @@ def uncertain_constants(rig: Rig) -> dict[str, Quantity]:
         _collect(getattr(rig, section), section, found)
     keys = [key for term in further_terms() for key in (term.key, term.shift) if key]
     found |= {key: one for key in (*keys, *SCALES, CLOCK) if isinstance(one := stated_at(rig, key), Quantity)}
-    if rig.drive.kind != "direct":
+    if rig.drive.channel != "torque":
         found.pop("log.torque_gain", None)
     return {
         key: one

@@ -276,7 +276,7 @@ def model_vector(result: Result, rig: Rig) -> Array:
         values |= {key: float(value) for key, value in moved.items() if key in values}
     # what a fit finds may lie a little outside what a rig file may state, such as a Coulomb friction below 0
     values |= own
-    return vector(values, rig.drive.kind)
+    return vector(values, rig.drive.channel)
 
 
 def _by_key(found: Mapping[str, float], rig: Rig) -> dict[str, float]:
@@ -304,8 +304,8 @@ def with_found_gain(log: Recording, result: Result, rig: Rig) -> Recording:
 
 def drive_of(log: Recording, rig: Rig, wanted: Literal["voltage", "wheel"] | None) -> Input:
     """What drives the prediction: the measured wheel unless the voltage is wanted, the torque, or nothing."""
-    if rig.drive.kind != "reaction-wheel":
-        return "torque" if rig.drive.kind == "direct" else "none"
+    if rig.drive.wheel is None:
+        return "torque" if rig.drive.channel == "torque" else "none"
     if wanted == "voltage":
         motor = rig.drive.motor
         if log.voltage is None or motor is None or motor.torque_per_volt.value <= 0:

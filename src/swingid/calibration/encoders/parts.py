@@ -47,7 +47,7 @@ class Part:
 
 def tables_of(rig: Rig) -> dict[Channel, str]:
     """Table in the rig file of each encoder that the balance depends on."""
-    return {"angle": ANGLE, "wheel": WHEEL} if rig.drive.kind == "reaction-wheel" else {"angle": ANGLE}
+    return {"angle": ANGLE, "wheel": WHEEL} if rig.drive.wheel is not None else {"angle": ANGLE}
 
 
 def parts_of(rig: Rig) -> list[Part]:
@@ -58,7 +58,7 @@ def parts_of(rig: Rig) -> list[Part]:
             spread = declared_spread(rig, table)
             found += [Part(f"{table}.{key}", spread or WIDE, spread > 0) for key in ONE_ENCODER]
         found.append(Part("zero", ZERO, False, nuisance=True))
-    if rig.drive.kind != "none":
+    if rig.drive.channel is not None:
         spread = latency_spread(Encoders.of(rig), rig)
         found.append(Part(latency_key(rig), spread or LATEST, spread > 0))
     return found

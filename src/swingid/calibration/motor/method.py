@@ -109,8 +109,10 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
     several = [log for log, _, _ in read]
     if not several:
         raise InputError("no log was given; calibrate needs at least one voltage test or free swing.", code="no-log")
-    if rig.drive.kind in ("direct", "motor"):
-        more = ", which finds the constants of a motor on the axis beside the inertia" * (rig.drive.kind == "motor")
+    if rig.drive.channel in ("torque", "voltage"):
+        more = ", which finds the constants of a motor on the axis beside the inertia" * (
+            rig.drive.channel == "voltage"
+        )
         raise InputError(
             f"rig {rig.name}: drive.kind is {rig.drive.kind!r}, but calibrate is for the motor of a reaction wheel and "
             f"for free swings; use identify for this rig{more}.",

@@ -67,7 +67,7 @@ def backstepping(
     refuse_terms(rig, "the method backstepping")
     require_motor(prepared.log, rig, prepared.equation, "backstepping")
     # a transient feeds the adaptation, so all of the log; a free decay from its release
-    part = prepared.part(whole=rig.drive.kind != "none", at_stamps=True)
+    part = prepared.part(whole=rig.drive.channel is not None, at_stamps=True)
     equation, used, motion, noise = prepared.equation, part.log, part.motion, part.noise
     smoothed, other_law = widths_of(used, motion, noise), LAWS[1 - LAWS.index(law)]
     widths = smoothed if velocities == "smoothed" else None
@@ -79,7 +79,7 @@ def backstepping(
         ("smoothed velocities", smoothed) if widths is None else ("half the smoothing", widths.halved(noise.step))
     )
     others[name] = _run(channels_of(used, other), rig, motion, gains)
-    if equation.drive == "reaction-wheel":
+    if "wheel" in equation.coefficients:
         others["reversals of the wheel within a row"] = _run(channels, rig, motion, gains, sooner=True)
 
     def again(changed_log: Recording, changed_rig: Rig) -> Array:

@@ -147,7 +147,7 @@ def signals_of(channels: Channels, rig: Rig, *, sooner: bool = False) -> Signals
     """
     sine, drive, motor = np.sin(channels.angle), rig.drive, rig.drive.motor
     phi = -sine
-    if drive.kind == "direct":
+    if drive.channel == "torque":
         phi = phi + channels.drive / _gravity(rig)
     elif motor is not None:
         wheel, scale = channels.wheel_speed, drive.a12 / (drive.a22 * _gravity(rig))
@@ -168,7 +168,7 @@ def signals_of(channels: Channels, rig: Rig, *, sooner: bool = False) -> Signals
 def inertia_of(alpha2: Array, rig: Rig) -> Array:
     """J1^ (kg m²) of (22) for estimates of α2 (1/s²); without a wheel b/α2."""
     whole = _gravity(rig) / alpha2
-    if rig.drive.kind != "reaction-wheel":
+    if rig.drive.wheel is None:
         return whole
     return whole + rig.drive.a12**2 / rig.drive.a22 - rig.drive.carried
 

@@ -110,7 +110,7 @@ def with_chain(
     source = "what observers and filter move"
     moves = {name: abs(fit.value(name) - other.value(name)) for name in ("inertia", "viscous", "coulomb", "quadratic")}
     estimate = estimate.beside({(name, source): move for name, move in moves.items() if name in fit.unknowns})
-    if chain.filter_time == 0 or fit.equation.drive == "none":
+    if chain.filter_time == 0 or not fit.equation.driven:
         return estimate, []
     share = (fit.a11 - other.a11) / other.inertia
     text = (

@@ -82,10 +82,10 @@ class Course:
             axis = narrowed(motion.speed, log.time, log.angle, noise.angle)
         speed = axis.at_nodes(nodes)
         still = np.zeros_like(speed)
-        if rig.drive.kind == "none":
+        if rig.drive.channel is None:
             return cls(nodes, axis, None, speed, still, still, still, None, encoders)
         smoothed = chain.observers or not measured
-        if rig.drive.kind == "direct":
+        if rig.drive.channel == "torque":
             assert log.torque is not None
             turn = speed if smoothed else nodes.spline(log.angle, derivative=1)
             return cls(nodes, axis, None, speed, turn, still, drive_at(nodes, log, log.torque, chain), None, encoders)

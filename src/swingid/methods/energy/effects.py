@@ -55,7 +55,7 @@ def _change(rows: PassRows, equation: Equation, values: Mapping[str, float], one
         momentum = values["inertia"] * v1 + values.get("wheel", 0.0) * v2
         change = _pull(rows, equation, values) * error + momentum * rows.at(lambda t: _rate(source, one, t))
         change = change + _of_friction(rows, values, one)
-    if one.channel == "wheel" or equation.drive == "direct":
+    if one.channel == "wheel" or "torque" in equation.coefficients:
         power = _power_slope(course) * _rate(source, one, course.nodes.flat[0]).reshape(course.speed.shape)
         change = change - rows.at(lambda times: running_integrals(course.nodes, [power], times))[0]
     return np.asarray(change)

@@ -155,7 +155,7 @@ def _estimate(part: Part, equation: Equation, how: _How, *, jittery: bool) -> En
     rows = PassRows.of(course, passes.instants, equation)
     fit = fit_passes(rows, equation)
     instruments = False
-    if equation.drive != "reaction-wheel":  # whose wheel has a kinetic energy, too, with errors of its own
+    if "wheel" not in equation.coefficients:  # whose wheel has a kinetic energy, too, with errors of its own
         other = fit_passes(rows, equation, instruments=True)
         # both are consistent but for attenuation, which lowers least squares (Hausman 1978)
         apart, spread = other.a11 - fit.a11, abs(other.u**2 - fit.u**2) ** 0.5

@@ -48,7 +48,7 @@ def _errors(rig: Rig, fit: RowFit) -> Iterator[RowError]:
         yield constant_error(fit.rows, fit.equation, one)
     part = fit.part
     for one in (one for one in of_channels(rig, part.signals.encoders) if not one.of_noise):
-        channel = channel_of(one, rig.drive.kind)
+        channel = channel_of(one, rig.drive.channel)
         measured, late = part.channel(channel), one.shape == "latency"
         change = part.acting(channel, measured if late else SHAPES[one.shape](measured), fit.coefficients)
         if late:

@@ -62,7 +62,7 @@ def even_grid(signals: Signals) -> Grid:
 
     wheel = None if signals.wheel_values is None else carried(signals.wheel_values)
     torque, late = None, signals.encoders.angle.latency.value
-    if rig.drive.kind == "direct" and log.torque is not None:
+    if rig.drive.channel == "torque" and log.torque is not None:
         # the angle at the time t of a torque is in the row stamped t − late
         held = log.drive_held
         torque = (

@@ -84,8 +84,8 @@ def momentum(check: MomentumCheck, *, memory: str = "auto") -> Result:
     except UnanswerableError as error:
         prepared = check.read
         # spin-up and torque steps: windows that need none; a pendulum that its wheel cannot have turned over was pushed
-        turns = prepared.equation.drive == "direct" or (
-            prepared.equation.drive == "reaction-wheel" and prepared.equation.stated.get("gravity_torque") == 0
+        turns = "torque" in prepared.equation.coefficients or (
+            "wheel" in prepared.equation.coefficients and prepared.equation.stated.get("gravity_torque") == 0
         )
         if error.code != "no-turning-points" or not turns:
             raise

@@ -88,7 +88,7 @@ def _parts(prepared: Sequence[Prepared]) -> list[Part]:
 def part_of_run(prepared: Prepared) -> Part:
     """The part of a log to use: all of a driven one, of another from its fastest instant to its rest."""
     part = prepared.part(whole=True, few=True)
-    if prepared.log.selected or prepared.rig.drive.kind != "none" or prepared.equation.value("gravity_torque"):
+    if prepared.log.selected or prepared.rig.drive.channel is not None or prepared.equation.value("gravity_torque"):
         return part
     start, stop, note = spin_down(part.motion, float(part.log.time[0]), float(part.log.time[-1]))
     log = part.log.segment(start, stop)
@@ -112,7 +112,7 @@ def _check(found: Together, rig: Rig) -> None:
     where = ", ".join(run.name for run in found.runs)
     seen = identifiability_of(law)
     require_seen(seen)
-    if law.equation.drive in ("reaction-wheel", "direct"):
+    if law.equation.channel in ("wheel_angle", "torque"):
         check_sign(law, where)
     per_volt = law.value("torque_per_volt")
     if per_volt < 0 and -per_volt > DETECTED * law.uncertainty("torque_per_volt"):
@@ -127,7 +127,7 @@ def _check(found: Together, rig: Rig) -> None:
         raise NotIdentifiableError(
             f"{where}: the motion does not determine the inertia (the balance gives {law.inertia:.3g} "
             f"{law.equation.unit}, uncertain by {spread}); record a wider range of speeds"
-            + (", or a known body that changes the inertia more." if rig.drive.kind == "none" else ".")
+            + (", or a known body that changes the inertia more." if rig.drive.channel is None else ".")
         )
 
 
@@ -183,7 +183,7 @@ def _friction_between(found: Together) -> tuple[float, list[Message]]:
     Logs with the same body show whether the friction differs: each but the first of them gets a factor of its own.
     """
     law, runs = found.law, found.runs
-    if len(runs) < 2 or found.runs[0].part.rig.drive.kind != "none":
+    if len(runs) < 2 or found.runs[0].part.rig.drive.channel is not None:
         return 0.0, []
     friction = law.rows.sum_of({name: law.value(name) for name in law.friction})  # N m s or N s
     effects, columns = [], []
@@ -220,7 +220,7 @@ def _factors(columns: Array, known: Array, extra: Sequence[Array]) -> float:
 def _motor_notes(found: Together) -> list[Message]:
     """What of the motor is inseparable, and its torque constant and resistance where both products were found."""
     law, rig = found.law, found.runs[0].part.rig
-    if rig.drive.kind != "motor":
+    if rig.drive.channel != "voltage":
         return []
     notes = []
     if "back_emf" not in law.equation.coefficients:

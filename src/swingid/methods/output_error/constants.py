@@ -30,10 +30,10 @@ def constant_places(rig: Rig, equation: Equation) -> dict[str, Places]:
         if term.value is not None:
             found[term.term.key] = ((place + at.COEFFICIENT, 1.0),)
             found |= {term.term.shift: ((place + at.SHIFT, 1.0),)} if term.shift.std else {}
-    if equation.drive == "direct":
+    if "torque" in equation.coefficients:
         # a torque acts as a12 q2'' does, see `axis_motion`
         found["log.torque_gain"] = ((at.A12, -1.0 / rig.log.torque_gain.value),)
-    if equation.drive != "reaction-wheel" or rig.drive.motor is None:
+    if "wheel" not in equation.coefficients or rig.drive.motor is None:
         return found
     motor = rig.drive.motor
     gear, rotor = motor.gear_ratio.value, motor.rotor_inertia.value

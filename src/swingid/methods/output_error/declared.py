@@ -73,7 +73,7 @@ def _constants(setup: Setup, searched: Searched, influence: Array) -> Iterator[D
         for key, own in constant_places(rig, setup.equation).items()
         if own not in sought and is_felt(key, problem.input)
     }
-    if setup.equation.drive == "reaction-wheel":
+    if "wheel" in setup.equation.coefficients:
         places[WHEEL_TILT] = tilt_places(setup.equation)
     if not places:
         return

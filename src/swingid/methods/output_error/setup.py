@@ -180,10 +180,10 @@ def _rows_lost(log: Recording) -> bool:
 
 def input_of(wanted: object, log: Recording, rig: Rig) -> Input:
     """The input of the simulation. Raises where the log or the rig lacks it."""
-    if rig.drive.kind != "reaction-wheel":
+    if rig.drive.wheel is None:
         if wanted is not None:
             raise UsageError(f"input belongs to a reaction wheel, not to drive {rig.drive.kind!r}.", code="no-input")
-        return "torque" if rig.drive.kind == "direct" else "none"
+        return "torque" if rig.drive.channel == "torque" else "none"
     if wanted not in (None, "voltage", "wheel"):
         raise UsageError(f'unknown input {wanted!r}; choose "voltage" or "wheel".', code="unknown-input")
     motor = rig.drive.motor

@@ -244,7 +244,7 @@ def _stated(rig: Rig, equation: Equation, keys: Iterable[str]) -> Array:
         stated["drive.motor.dead_zone.negative"], stated["drive.motor.dead_zone.positive"] = rig.drive.motor.dead_zone
     if rig.drive.wheel is not None:
         stated[WHEEL_TILT] = math.acos(rig.drive.wheel.along.value)
-    base = vector(stated, equation.drive)
+    base = vector(stated, equation.channel)
     base[A11] -= 1.0
     for term in equation.slots:
         add_term(base, term.term, equation.value(term.name), *term.at)

@@ -188,7 +188,7 @@ class Rig(Table):
             found["sensors.latency"] = self.sensors.latency
         if self.sensors.wheel is not None and self.sensors.wheel.latency.value:
             found["sensors.wheel.latency"] = self.sensors.wheel.latency
-        if self.drive.kind == "direct":
+        if self.drive.channel == "torque":
             found["log.torque_gain"] = self.log.torque_gain
         if stated(self.log, "angle_scale"):
             found["log.angle_scale"] = self.log.angle_scale
@@ -205,7 +205,7 @@ class Rig(Table):
             if self.axis.kind == "linear":
                 text = "has no meaning on a linear axis; name the column of its place as angle"
                 refuse("contradiction", text, "log.point")
-            self.__dict__["sensors"] = self.sensors.of_camera(has_wheel=self.drive.kind == "reaction-wheel")
+            self.__dict__["sensors"] = self.sensors.of_camera(has_wheel=self.drive.wheel is not None)
         return self
 
     @model_validator(mode="after")
@@ -217,14 +217,14 @@ class Rig(Table):
                 if (unit := getattr(self.log, key)) in ("m", "mm", "m/s", "mm/s"):
                     refuse("contradiction", f"is {unit!r}, but axis.kind is 'rotary'", f"log.{key}")
         self._check_rates()
-        if self.drive.kind != "reaction-wheel":
+        if self.drive.wheel is None:
             self._check_no_wheel()
         elif stated(self.log, "bridge") or stated(self.log, "supply"):
             key = "bridge" if stated(self.log, "bridge") else "supply"
             refuse("contradiction", "belongs to drive.kind = 'motor'; a wheel's motor has log.voltage", f"log.{key}")
-        if self.drive.kind in ("reaction-wheel", "motor") and stated(self.log, "torque"):
+        if self.drive.motor is not None and stated(self.log, "torque"):
             refuse("contradiction", "belongs to drive.kind = 'direct'; a motor has log.voltage", "log.torque")
-        if self.drive.kind != "direct":
+        if self.drive.channel != "torque":
             for key in ("torque_gain", "torque_sign"):
                 if stated(self.log, key):
                     refuse("contradiction", f"belongs to drive.kind = 'direct', not {self.drive.kind!r}", f"log.{key}")
@@ -234,7 +234,7 @@ class Rig(Table):
         return self
 
     def _check_linear(self) -> None:
-        if self.drive.kind == "reaction-wheel":
+        if self.drive.wheel is not None:
             refuse("contradiction", "is 'reaction-wheel', which turns, but axis.kind is 'linear'", "drive.kind")
         for key in ("counts_per_turn", *NONLINEARITY):
             if stated(self.sensors, key):
@@ -255,15 +255,15 @@ class Rig(Table):
             if getattr(sensors, name) is not None and getattr(self.log, name) is None:
                 refuse("contradiction", f"is given, but log.{name} names no column", f"sensors.{name}")
         for key in (*NONLINEARITY, "noise", "resolution"):
-            if alone and stated(sensors, key) and (key in NONLINEARITY or self.drive.kind != "reaction-wheel"):
+            if alone and stated(sensors, key) and (key in NONLINEARITY or self.drive.wheel is None):
                 other = "" if key in NONLINEARITY else f"; that of the rate is sensors.angle_speed.{key}"
                 refuse("contradiction", f"is that of an angle, but log.angle_speed is a rate{other}", f"sensors.{key}")
 
     def _check_no_wheel(self) -> None:
         if self.sensors.wheel is not None:
             refuse("contradiction", f"is given, but drive.kind is {self.drive.kind!r}", "sensors.wheel")
-        other = ["torque"] if self.drive.kind == "none" else []
-        driven = ("wheel",) if self.drive.kind == "motor" else ("wheel", "voltage", "bridge", "supply")
+        other = ["torque"] if self.drive.channel is None else []
+        driven = ("wheel",) if self.drive.channel == "voltage" else ("wheel", "voltage", "bridge", "supply")
         of_another = [key for key in LogConventions.model_fields if key.startswith(driven)] + other
         surplus = [key for key in of_another if stated(self.log, key)]
         if surplus:
@@ -276,11 +276,11 @@ class Rig(Table):
         read = [] if stated(log, "rate") else ["time"]
         read += ["angle"] if not self.log.has_rate_alone else []
         read += ["angle_speed"] if log.angle_speed is not None else []
-        if self.drive.kind == "reaction-wheel":
+        if self.drive.wheel is not None:
             read += ["wheel_angle" if log.wheel_speed is None else "wheel_speed", "voltage"]
-        elif self.drive.kind == "direct":
+        elif self.drive.channel == "torque":
             read.append("torque")
-        elif self.drive.kind == "motor":
+        elif self.drive.channel == "voltage":
             read += ["voltage", *(key for key in ("bridge", "supply") if stated(log, key))]
         if stated(log, "reference"):
             read.append("reference")

@@ -51,10 +51,12 @@ class Run(Setup):
 
     def constants(self) -> Array:
         """Vector (SIZE,) of `model.parameters`, drawn where the run is to be. Errors as `vector`."""
-        kind = self.rig.drive.kind
+        channel = self.rig.drive.channel
         if self.draw:
-            return vector(draw_constants(self.own_rig, self.seed), kind)
-        return vector({key: quantity.value for key, quantity in constants(self.rig).items()} | dict(self.changes), kind)
+            return vector(draw_constants(self.own_rig, self.seed), channel)
+        return vector(
+            {key: quantity.value for key, quantity in constants(self.rig).items()} | dict(self.changes), channel
+        )
 
 
 def runs_of(
@@ -114,7 +116,7 @@ def runs_of(
 
 def _standard(rig: Rig, changes: Mapping[str, float], known: dict[int, Compensator]) -> Compensator | None:
     """The compensator of the paper's experiment for a rig with a drive; `known` keeps those of rigs seen before."""
-    if rig.drive.kind == "none":
+    if rig.drive.channel is None:
         return None
     if any(key.startswith("drive.") for key in changes):
         return Compensator.paper(rig.changed(dict(changes)))
@@ -143,7 +145,7 @@ def constants_of(runs: Sequence[Run]) -> Array:
         own, (plain, others) = stated[id(run.rig)], parts[kind]
         name = (*kind, *(run.changes[key] for key in others)) if others else kind
         if name not in known:
-            known[name] = vector(own | {key: run.changes[key] for key in others}, run.rig.drive.kind)
+            known[name] = vector(own | {key: run.changes[key] for key in others}, run.rig.drive.channel)
         result[k] = known[name]
         for key in plain:
             sums[key].append((k, run.changes[key] - own.get(key, 0.0)))

@@ -142,7 +142,7 @@ def _choices(known: Known, point: int) -> batch.Plan:
 def _estimates(method: str, runs: Ensemble, experiment: Experiment, chosen: batch.Plan) -> batch.Batch | Exception:
     """The estimates of all runs by one method, or why there are none."""
     angle, stated = runs.channel("angle"), experiment.stated
-    wheel = runs.channel("wheel_angle") if stated.drive.kind == "reaction-wheel" else None
+    wheel = runs.channel("wheel_angle") if stated.drive.wheel is not None else None
     try:
         if method == "momentum-batch":
             return momentum_batch(angle, wheel, experiment.rate, stated, chosen, threads=1)

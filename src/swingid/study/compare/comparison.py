@@ -70,7 +70,7 @@ def assumptions(method: str, rig: Rig, result: Result) -> Assumptions:
         motor = False
     return Assumptions(
         scale={"reaction-wheel": "wheel inertia", "direct": "torque", "motor": "motor", "none": ""}[rig.drive.kind],
-        motor=motor and rig.drive.kind == "reaction-wheel",
+        motor=motor and rig.drive.wheel is not None,
         gravity=not isinstance(gravity, str) and gravity.value != 0,
         friction=needs.friction,
         speed=needs.speeds,

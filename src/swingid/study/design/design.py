@@ -107,7 +107,7 @@ def _designed(rig: Rig, motions: list[Sine | Multisine], task: Task, *, check: b
     failed = ""
     for place, proposal in enumerate(reached):
         trial = None
-        if check and rig.drive.kind == "reaction-wheel":
+        if check and rig.drive.wheel is not None:
             trial = try_on_twin(task.expected, proposal, task.limits, task.share)
             stepped(TRIAL)
         if trial is None or trial.passed:
@@ -270,7 +270,7 @@ def required(
 
 def expected_rig(rig: Rig, inertia: float | str | None, gravity_torque: float | str | None) -> Rig:
     """The rig as it is expected to be; InputError for what is not known at all."""
-    if rig.drive.kind == "none":
+    if rig.drive.channel is None:
         raise UnanswerableError(
             f"rig {rig.name} has no drive, so its motion cannot be chosen; release it from a large angle.",
             code="no-drive",

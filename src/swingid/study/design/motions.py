@@ -91,7 +91,7 @@ def course_of(rig: Rig, reference: Sine | Multisine, duration: float, rate: floa
     gravity = 0.0 if isinstance(rig.axis.gravity_torque, str) else rig.axis.gravity_torque.value
     resisting = gravity * np.sin(angle) + _friction(speed, p)
     assert rig.axis.inertia is not None
-    if rig.drive.kind == "direct":
+    if rig.drive.channel == "torque":
         torque = rig.axis.inertia.value * acceleration + resisting
         return Course(time, angle, speed, None, None, None, torque)
     drive = rig.drive

@@ -95,7 +95,7 @@ def units_by_steps(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tup
         name = table.find(getattr(rig.log, channel))
         used = getattr(rig.log, f"{channel}_unit")
         read = (channel == "angle" and not rig.log.has_rate_alone) or (
-            rig.drive.kind == "reaction-wheel" and rig.log.wheel_speed is None
+            rig.drive.wheel is not None and rig.log.wheel_speed is None
         )
         if name is None or not read or used not in TURN or table.unit(name) or not steps_seen(columns[name]):
             continue
@@ -141,7 +141,7 @@ def physics(
     if balance is not None and balance.left < CLOSES and not off:
         return checks, rig, log, {}
     best: _Attempt | None = None
-    wheel = rig.drive.kind == "reaction-wheel" and rig.log.wheel_speed is None
+    wheel = rig.drive.wheel is not None and rig.log.wheel_speed is None
     units = _other_units(rig, "wheel_angle") if wheel else []
     for changes in _other_signs(rig) if failed is not None else units:
         attempt = _attempt(table, rig, changes, source)
@@ -189,7 +189,7 @@ def _attempt(table: Table, rig: Rig, changes: dict[str, object], source: Source)
         other = rig.changed(changes)
         log = Recording.from_table(table, other, source)
         noise = channel_noise(log, other)
-        swings, _ = read_motion(log, noise, other.drive.kind, linear=other.axis.kind == "linear")
+        swings, _ = read_motion(log, noise, other.drive.channel, linear=other.axis.kind == "linear")
         if swings is None:
             return None
         balance = balance_of(log, other, swings, noise)
@@ -203,11 +203,11 @@ def _other_signs(rig: Rig) -> list[dict[str, object]]:
 
     Equation (I) does not distinguish a turned angle from a turned drive; equation (II) does, by the voltage.
     """
-    key = {"reaction-wheel": "wheel_angle_sign", "direct": "torque_sign"}.get(rig.drive.kind)
+    key = {"wheel_angle": "wheel_angle_sign", "torque": "torque_sign"}.get(rig.drive.channel or "")
     turned: list[dict[str, object]] = [{"log.angle_sign": -rig.log.angle_sign}]
     if key is not None:
         turned.insert(0, {f"log.{key}": -getattr(rig.log, key)})
-    if rig.drive.kind == "none":
+    if rig.drive.channel is None:
         turned = []
     if rig.axis.kind == "linear" or not isinstance(rig.log.angle_zero, str):
         return turned

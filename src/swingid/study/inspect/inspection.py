@@ -15,6 +15,7 @@ import numpy as np
 
 from swingid.errors import SwingidError
 from swingid.model.rig import Rig
+from swingid.model.rig.drive import CHANNELS
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.push import without_pushes
 from swingid.preparation.reference import in_units
@@ -212,12 +213,12 @@ def _with_motion(
     if rig is not None:
         log = without_pushes(log, reader)
     seen = _seen(table, reader, columns, log, declared=rig is not None)
-    drive = found.roles.drive if rig is None else reader.drive.kind
+    drive = CHANNELS.get(found.roles.drive) if rig is None else reader.drive.channel
     swings, moves = read_motion(log, channel_noise(log, reader), drive, linear=reader.axis.kind == "linear", rig=rig)
     served = tuple(services(log, swings, drive, rig))
     tried = dict(found.tried)
     wrong = any(check.level == "fault" or check.code == "slow-rows" for check in (*found.checks, *seen))
-    if rig is not None and rig.drive.kind == "motor":
+    if rig is not None and rig.drive.channel == "voltage":
         moves.append(not_checked(rig))
     elif rig is not None and swings is not None and not wrong:
         more, changed, log, changes = physics(table, log, reader, swings, source)

@@ -36,8 +36,8 @@ FEW = 6
 GAP = 5.0
 """Steps of the clock beyond which a stretch without rows serves nobody."""
 
-TURNING = ("motor", "direct")
-"""Kinds of drive that may turn the axis in one direction, which momentum takes."""
+TURNING = ("voltage", "torque")
+"""Channels of drives that may turn the axis in one direction, which momentum takes."""
 
 STRONG = 0.1
 """Share of the amplitude that a second frequency needs to distinguish inertia from gravity."""
@@ -64,7 +64,7 @@ class Swings:
 
 
 def read_motion(
-    log: Recording, noise: Noise, drive: str, *, linear: bool, rig: Rig | None = None
+    log: Recording, noise: Noise, channel: str | None, *, linear: bool, rig: Rig | None = None
 ) -> tuple[Swings | None, list[Check]]:
     """The motion of a log and its checks; None where there is none that swings.
 
@@ -73,9 +73,9 @@ def read_motion(
     unit = "m" if linear else "rad"
     try:
         motion = find_motion(log.time, log.angle, noise.angle)
-        start, stop, note = part_of(log, motion, drive)
+        start, stop, note = part_of(log, motion, channel)
     except UnanswerableError as error:
-        if rig is None or error.code != "no-turning-points" or not (drive in TURNING or turns_freely(rig)):
+        if rig is None or error.code != "no-turning-points" or not (channel in TURNING or turns_freely(rig)):
             return None, [Check("motion", "motion", "fault", error.message)]
         text = "the axis turns in one direction: momentum takes windows that need no turning points; log and rig file "
         return None, [Check("motion", "motion", "note", f"{text}are not compared.")]
@@ -98,7 +98,7 @@ def read_motion(
     if swings.rest > 0.02 * (stop - start):
         text = f"the axis rests {swings.rest:.3g} s of this part, which holds no information on the inertia."
         found.append(Check("rest", "rest", "note", text, "", {"rest": swings.rest}))
-    if drive != "none" and not few:
+    if channel is not None and not few:
         found.append(_excitation(swings, unit))
     return swings, found
 
@@ -183,14 +183,14 @@ class Service:
     why: str
 
 
-def services(log: Recording, swings: Swings | None, drive: str, rig: Rig | None) -> list[Service]:
+def services(log: Recording, swings: Swings | None, channel: str | None, rig: Rig | None) -> list[Service]:
     """One line per method; without a rig what its constants allow is left open."""
-    return [_service(method, log, swings, drive, rig) for method in METHODS.values()]
+    return [_service(method, log, swings, channel, rig) for method in METHODS.values()]
 
 
-def _service(method: Method, log: Recording, swings: Swings | None, drive: str, rig: Rig | None) -> Service:
-    lacking = _lacking(method, log, drive, rig)
-    turns = rig is not None and (drive in TURNING or turns_freely(rig)) and method.name == DEFAULT
+def _service(method: Method, log: Recording, swings: Swings | None, channel: str | None, rig: Rig | None) -> Service:
+    lacking = _lacking(method, log, channel, rig)
+    turns = rig is not None and (channel in TURNING or turns_freely(rig)) and method.name == DEFAULT
     if swings is None and turns and not lacking:
         return Service(method.name, log.duration, "where it turns, from its greatest speed on without a drive")
     if swings is None or lacking:
@@ -203,7 +203,7 @@ def _service(method: Method, log: Recording, swings: Swings | None, drive: str, 
         start, stop = float(turning[0]), float(turning[-1])
     for seconds, reason in ((start - first, "before"), (last - stop, "after")):
         if seconds > 0.01 * (last - first):
-            why.append(f"{seconds:.3g} s {reason} {_what(drive, reason, method)}")
+            why.append(f"{seconds:.3g} s {reason} {_what(channel, reason, method)}")
     inside = log.segment(start, stop)
     steps = np.diff(inside.time)
     gaps = steps[steps > GAP * np.median(steps)] if len(steps) else steps
@@ -221,29 +221,29 @@ def not_checked(rig: Rig) -> Check:
     return Check("balance", "balance", "note", text)
 
 
-def _what(drive: str, reason: str, method: Method) -> str:
+def _what(channel: str | None, reason: str, method: Method) -> str:
     if method.turning_points:
         return "the first turning point" if reason == "before" else "the last turning point"
     if reason == "before":
-        return "the free decay" if drive == "none" else "the motion has settled"
-    return "the free decay ends" if drive == "none" else "the end of the part"
+        return "the free decay" if channel is None else "the motion has settled"
+    return "the free decay ends" if channel is None else "the end of the part"
 
 
-def _lacking(method: Method, log: Recording, drive: str, rig: Rig | None) -> str:
+def _lacking(method: Method, log: Recording, channel: str | None, rig: Rig | None) -> str:
     """What a method needs that is not there; "" where nothing is missing."""
-    if drive == "reaction-wheel" and log.wheel_angle is None:
+    if channel == "wheel_angle" and log.wheel_angle is None:
         return "no wheel angle"
-    if drive == "direct" and log.torque is None:
+    if channel == "torque" and log.torque is None:
         return "no torque"
-    if drive == "motor" and method.name != DEFAULT:
+    if channel == "voltage" and method.name != DEFAULT:
         return "has no motor on the axis"
     if method.gravity and rig is not None:
         gravity = rig.axis.gravity_torque
         if isinstance(gravity, str) or gravity.value == 0:
             return "needs a gravity torque above 0"
-    if method.drive and drive == "none":
+    if method.drive and channel is None:
         return "needs a drive"
-    if method.motor == "needed" and drive == "reaction-wheel":
+    if method.motor == "needed" and channel == "wheel_angle":
         if log.voltage is None:
             return "no voltage"
         motor = None if rig is None else rig.drive.motor

@@ -89,10 +89,10 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
     found = [_signs(balance, rig), *_model(balance)]
     fits = [fit for fit in balance.fits if len(fit.rows) >= FEWEST]
     found += _wheel(balance, rig)
-    turn = rig.log.wheel_scale.value if rig.drive.kind == "reaction-wheel" else 1.0
+    turn = rig.log.wheel_scale.value if rig.drive.wheel is not None else 1.0
     extras = small.extras(fits, balance.signals, turn) if fits else {}
     if "zero" in extras:
-        centre = centre_of(balance.signals.motion.turning_angles) if rig.drive.kind == "none" else None
+        centre = centre_of(balance.signals.motion.turning_angles) if rig.drive.channel is None else None
         if centre is None:
             found.append(_zero(extras["zero"], small.zero_of(fits, balance.signals)))
         else:
@@ -110,10 +110,10 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
 
 def _signs(balance: Balance, rig: Rig) -> Check:
     law, equation = balance.law, balance.equation
-    if equation.drive == "none":
+    if not equation.driven:
         text = "nothing drives the axis, so no sign can be wrong; the decay gives a positive inertia."
         return Check("signs", "signs", "ok", text)
-    what = "wheel angle" if equation.drive == "reaction-wheel" else "torque"
+    what = "wheel angle" if "wheel" in equation.coefficients else "torque"
     turned = "" if not equation.value("gravity_torque") else " and gravity pulls towards 0"
     inertia = plus_minus(law.a11 - equation.carried, law.u, equation.unit)
     text = f"{what} and angle have signs that belong together{turned}: the balance gives the inertia {inertia}."
@@ -157,7 +157,7 @@ def _gravity(balance: Balance, rig: Rig) -> Iterator[Check]:
     for found in gravity_off(law, balance.fits, balance.signals, rig) or ():
         if not matters(found.change, law.total, law.a11):
             continue
-        drive = "log.torque_gain" if balance.equation.drive == "direct" else "drive.wheel.inertia"
+        drive = "log.torque_gain" if "torque" in balance.equation.coefficients else "drive.wheel.inertia"
         remedy = f"correct axis.gravity_torque or {drive}, or state the less certain one with its uncertainty"
         yield Check("gravity-torque-disagrees", "scale", "repair", f"{found.text.rpartition('; ')[0]}.", remedy)
 
@@ -195,7 +195,7 @@ def _wheel(balance: Balance, rig: Rig) -> Iterator[Check]:
 
 def _latency(latency: Extra, balance: Balance, rig: Rig) -> Check:
     """Latency between the channels, beyond what the rig file declares."""
-    wheel = rig.drive.kind == "reaction-wheel"
+    wheel = rig.drive.wheel is not None
     total = rig.sensors.of("wheel" if wheel else "angle").latency.value + latency.value
     text = ""
     if total < 0 and not wheel:

@@ -71,7 +71,7 @@ def test_a_method_is_an_entry_and_a_function(monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(UsageError, match="no option 'widr'; the nearest is 'wide'"):
         sw.identify(log, rig, "toy", widr=True)
     assert assumptions("toy", rig, clean_result()).motor
-    assert [one.why for one in services(replace(log, voltage=None), None, "reaction-wheel", rig)][-1] == "no voltage"
+    assert [one.why for one in services(replace(log, voltage=None), None, "wheel_angle", rig)][-1] == "no voltage"
 
 
 def test_no_method_is_named_by_a_string_of_code() -> None:

@@ -13,13 +13,14 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import factories
 from swingid.errors import InputError
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording, Source
-from swingid.report import write_report
+from swingid.report import tables, write_report
 from swingid.report.measurement import render
 from swingid.report.style import house_style
 from swingid.result.result import Message, Result
@@ -292,3 +293,9 @@ def test_the_checks_that_ran_stand_with_what_they_found() -> None:
     assert "passed" in rows[0]
     assert "|warning|" in rows[1].replace("||", "|")
     assert "zero-off" in rows[1]
+
+
+def test_nested_data_is_shown_without_the_brackets_of_python():
+    data = {"scale": np.float64(0.15), "part": [15.379858382443523, 20.0], "empty": [], "repairs": [{"what": "gap"}]}
+    found = {row.words: row.value for row in tables.flat_rows(data)}
+    assert found == {"scale": "0.15", "part": "15.37986, 20", "repairs": "what gap"}

@@ -143,6 +143,7 @@ def _end_with_parent() -> None:
     threading.Thread(target=watch, args=(parent.sentinel,), daemon=True).start()
 
 
+@np.errstate(over="ignore", invalid="ignore")  # absurd numbers are drawn as they are, and no cause to print
 def looked(path: str) -> dict[str, Any]:
     """Columns of a file as they stand there, thinned for drawing, and the guess of their roles.
 

@@ -22,6 +22,8 @@ ROLES = {
     "time": "time",
     "angle": "angle",
     "angle_speed": "rate of the body",
+    "point_x": "x of a mark on it",
+    "point_y": "y of a mark on it",
     "wheel_angle": "angle of the wheel",
     "wheel_speed": "speed of the wheel",
     "voltage": "voltage",
@@ -91,6 +93,11 @@ class Draft:
             self.units.setdefault(role, UNITS.get(role, ("",))[0])
 
     @property
+    def moves(self) -> bool:
+        """Whether columns give the motion of the body: its angle, its rate, or both places of a mark on it."""
+        return bool({"angle", "angle_speed"} & self.columns.keys()) or {"point_x", "point_y"} <= self.columns.keys()
+
+    @property
     def linear(self) -> bool:
         """Whether the motion is a length."""
         own = [self.units.get(role, "") for role in ("angle", "angle_speed") if role in self.columns]
@@ -137,12 +144,15 @@ class Draft:
         columns = {**self.columns}
         if "angle" in columns:
             columns.pop("angle_speed", None)
+        mark = [columns[role] for role in ("point_x", "point_y") if role in columns]
         if "wheel_angle" in columns:
             columns.pop("wheel_speed", None)
         known = ("time", "angle", "angle_speed", "reference", *CHANNELS.get(drive, ()))
         found: dict[str, object] = {}
         if self.rate and "time" not in columns:
             found["log.rate"] = _typed(self.rate)
+        if len(mark) == 2 and not {"angle", "angle_speed"} & columns.keys():
+            found["log.point"] = mark
         for role in (role for role in known if role in columns):
             found[f"log.{role}"] = columns[role]
             unit = self.units.get(role, "")

@@ -73,8 +73,11 @@ class Kind:
         return "turn" if self.name in ("wire", "bifilar", "trifilar", "flywheel") else "swing"
 
     def missing(self, columns: Mapping[str, str]) -> tuple[str, ...]:
-        """The channels of which one is needed and none has a column."""
-        return next((some for some in self.needs if not any(columns.get(role) for role in some)), ())
+        """The channels of which one is needed and none has a column; a mark on the body gives its angle."""
+        has = {role for role, column in columns.items() if column}
+        if {"point_x", "point_y"} <= has:
+            has.add("angle")
+        return next((some for some in self.needs if not has & {*some}), ())
 
 
 ENCODERS = {f"{kind.name}: {kind.words}": kind for kind in encoder_kinds.KINDS if kind.name != "ideal"}

@@ -114,8 +114,11 @@ class Look:
                 with more(f"{len(others)} other column{'s' if len(others) > 1 else ''}: {', '.join(others[:6])}"):
                     for name in others:
                         self._channel(name, "")
-            if not {"angle", "angle_speed"} & draft.columns.keys():
-                ui.label("Which column is the angle of the body, or its rate?").classes("swingid-wrong")
+            if not draft.moves:
+                text = (
+                    "Which column is the angle of the body, or its rate? Of a video: which are x and y of a mark on it?"
+                )
+                ui.label(text).classes("swingid-wrong")
 
     def _ask_rate(self) -> None:
         text = "No column is a clock. How many rows come each second?"

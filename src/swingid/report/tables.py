@@ -336,6 +336,18 @@ def _flat(data: object, path: str = "") -> Iterator[tuple[str, str]]:
     if isinstance(data, dict):
         for key, value in data.items():
             yield from _flat(value, f"{path}.{key}" if path else str(key))
-    elif data not in (None, "", [], ()):
-        text = " ".join(str(data).split())
+    elif text := _short(data):
         yield path, text if len(text) <= LONGEST else f"{text[:60]}… ({len(text)} characters)"
+
+
+def _short(data: object) -> str:
+    """A value as text, numbers by 7 digits, those of a list one after the other; "" for nothing."""
+    if isinstance(data, np.ndarray):
+        data = data.tolist()
+    if isinstance(data, list | tuple):
+        return ", ".join(_short(one) for one in data)
+    if isinstance(data, dict):
+        return " ".join(f"{key} {_short(value)}" for key, value in data.items())
+    if data is None:
+        return ""
+    return f"{data:.7g}" if isinstance(data, float) else " ".join(str(data).split())

@@ -75,15 +75,16 @@ sphinx_gallery_conf["within_subsection_order"] = order_of_tutorials
 
 
 def plain_to_rest(lines: list[str]) -> None:
-    """Docstrings are plain text with `names` and indented code: as reStructuredText, in place."""
+    """Docstrings are plain text with `names`, indented code and doctests: as reStructuredText, in place."""
     found: list[str] = []
-    literal = False
+    literal = doctest = False
     for k, line in enumerate(lines):
+        doctest = line.startswith(">>> ") or (doctest and bool(line.strip()))
         indented = line.startswith("    ") and (literal or (k > 0 and not lines[k - 1].strip()))
         if indented and not literal:
             found += ["::", ""]
         literal = indented or (literal and not line.strip())
-        found.append(line if literal else _escaped(line))
+        found.append(line if literal or doctest else _escaped(line))
     lines[:] = found
 
 

@@ -9,7 +9,7 @@ import swingid as sw
 from motion_by_events import motion
 from swingid.control.references import Multisine, Sine
 from swingid.errors import InputError, UnanswerableError
-from swingid.methods.output_error.partials import further_kernel, sliding_row, sliding_slopes
+from swingid.methods.output_error.partials import sliding_row, sliding_slopes
 from swingid.model.dynamics import axis_load
 from swingid.model.energy import drive_power, kinetic_energy, motor_friction_power, potential_energy
 from swingid.model.friction import sliding_friction
@@ -123,10 +123,9 @@ def test_partial_derivatives_are_those_of_the_torques(side):
 
     by_angle = (torque(q + step, v, p) - torque(q - step, v, p)) / (2 * step)
     by_speed = (torque(q, v + step, p) - torque(q, v - step, p)) / (2 * step)
-    row, more = np.zeros(SIZE), np.zeros(2)
-    sliding_row(np.sin(q), v, side, p, row)
-    further_kernel(p)(q, v, side, p, row, more)
-    assert more + sliding_slopes(np.cos(q), v, side, p) == pytest.approx((by_angle, by_speed), rel=1e-6)
+    row = np.zeros(SIZE)
+    sliding_row(q, np.sin(q), v, side, p, row)
+    assert sliding_slopes(q, np.cos(q), v, side, p) == pytest.approx((by_angle, by_speed), rel=1e-6)
     for slot in range(int(p[FURTHER])):
         for place in (FIRST_SLOT + SLOT * slot + COEFFICIENT, FIRST_SLOT + SLOT * slot + SHIFT):
             up, down = p.copy(), p.copy()

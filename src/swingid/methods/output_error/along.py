@@ -18,7 +18,6 @@ from swingid.methods.output_error.motion import (
     motion_readings,
     motion_steps,
 )
-from swingid.methods.output_error.partials import further_kernel
 from swingid.model.motion import LONGEST
 from swingid.model.parameters import SIZE
 from swingid.numerics.arrays import Array, Ints
@@ -80,15 +79,15 @@ def read_with_slopes(
     flags = nodes[: begins[-1], FLAG].astype(np.int64)
     r, s, (places, to, weights) = int(np.bitwise_count(flags).sum()), int(np.max(initial)) + 1, entries
     outputs, rates, slopes = np.empty(r), np.empty(r), np.empty((r, columns))
-    further, rows = further_kernel(p), np.zeros((2, SIZE + len(peaks)))
-    room = np.zeros(BLOCK * WIDEST), np.zeros((3, 7)), np.zeros(7), rows, np.zeros((3, 9)), np.zeros(2)
+    rows = np.zeros((2, SIZE + len(peaks)))
+    room = np.zeros(BLOCK * WIDEST), np.zeros((3, 7)), np.zeros(7), rows, np.zeros((3, 9))
     if columns <= WIDEST:
-        motion_readings(further, nodes, begins, initial, p, places, to, weights, peaks, outputs, rates, slopes, *room)
+        motion_readings(nodes, begins, initial, p, places, to, weights, peaks, outputs, rates, slopes, *room)
         return outputs, rates, slopes
     for first in range(s, columns, WIDEST - s):
         own = (to >= first) & (to < first + WIDEST - s)
         part = np.zeros((r, min(columns - first + s, WIDEST)))
         mine, at, by = places[own], to[own] - first + s, weights[own]
-        motion_readings(further, nodes, begins, initial, p, mine, at, by, peaks, outputs, rates, part, *room)
+        motion_readings(nodes, begins, initial, p, mine, at, by, peaks, outputs, rates, part, *room)
         slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]
     return outputs, rates, slopes

@@ -16,7 +16,6 @@ import math
 import numpy as np
 
 from swingid.methods.output_error.partials import (
-    Further,
     mass_rows,
     motor_row,
     sliding_row,
@@ -24,7 +23,7 @@ from swingid.methods.output_error.partials import (
 )
 from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, Step, Z
 from swingid.model.motion import COUNTS, next_step
-from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, FURTHER, GEAR, SIZE
+from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, GEAR, SIZE
 from swingid.model.sticking import Begin, stop_reversed
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_inlined, place
@@ -142,7 +141,6 @@ def _note(nodes: Array, row: int, work: Array, mode: Mode, u: float, passed: flo
 
 @njit
 def motion_readings(
-    further: Further,
     nodes: Array,
     begins: Ints,
     initial: Ints,
@@ -159,15 +157,14 @@ def motion_readings(
     mode: Array,
     rows: Array,
     jacobian: Array,
-    more: Array,
 ) -> None:
     """What is read along the steps of `motion_steps`, and its derivatives.
 
-    further: `partials.further_kernel`. initial (4,): columns of the initial values of (q1, q1', q2, q2'), −1 of those
-    that are no unknowns. p (SIZE,): the constants of these steps. places, columns, weights: each constant
-    of p that moves with an unknown; place SIZE + k is the height of a Stribeck's peak of the speed peaks[k] (rad/s),
-    which the motion has not. outputs (r,) in rad, their rates (r,) in rad/s and slopes (r, m), m ≤ WIDEST: derivatives
-    by the initial values of the row's segment, then by the unknowns. block and what follows it: room, of zeros.
+    initial (4,): columns of the initial values of (q1, q1', q2, q2'), −1 of those that are no unknowns. p (SIZE,): the
+    constants of these steps. places, columns, weights: each constant of p that moves with an unknown; place SIZE + k is
+    the height of a Stribeck's peak of the speed peaks[k] (rad/s), which the motion has not. outputs (r,) in rad, their
+    rates (r,) in rad/s and slopes (r, m), m ≤ WIDEST: derivatives by the initial values of the row's segment, then by
+    the unknowns. block and what follows it: room, of zeros.
     """
     m, r = slopes.shape[1], NONE
     wide = (m + 7) // 8 * 8
@@ -201,9 +198,7 @@ def motion_readings(
                     for c in range(wide):
                         block[i * WIDEST + c] = 0.0
                 for at in range(3):
-                    _slopes_at(
-                        further, more, at, points, mode, p, rows, places, columns, weights, peaks, jacobian, block
-                    )
+                    _slopes_at(at, points, mode, p, rows, places, columns, weights, peaks, jacobian, block)
                 _carry(nodes[n, STEP], block, jacobian, wide)
 
 
@@ -274,8 +269,6 @@ def _turn(points: Array, at: int) -> None:
 
 @njit_inlined
 def _slopes_at(
-    further: Further,
-    more: Array,
     at: int,
     points: Array,
     mode: Array,
@@ -291,17 +284,14 @@ def _slopes_at(
     """At a point within `mode`: ∂q''/∂(q1, q1', q2') and M⁻¹ into jacobian[at] (9,), ∂r/∂θ into `block`."""
     q1, v1, v2 = points[at, 0], points[at, 1], points[at, 2]
     s1, s2, branch = int(mode[0]), int(mode[1]), int(mode[2])
-    sliding_row(points[at, 5], v1, s1, p, rows[0])
-    if p[FURTHER] != 0.0:
-        further(q1, v1, s1, p, rows[0], more)
+    sliding_row(q1, points[at, 5], v1, s1, p, rows[0])
     motor_row(mode[3], v2, s2, branch, p, rows[1])
     mass_rows(points[at, 3], points[at, 4], rows[0], rows[1])
     for k in range(len(peaks)):
         x = v1 / peaks[k]
         rows[0, SIZE + k] = -s1 * math.exp(-x * x) if x * x < PASSED_PEAK else 0.0
     i11, i12, i22 = mode[4], mode[5], mode[6]
-    by_angle, by_speed = sliding_slopes(points[at, 6], v1, s1, p)
-    by_angle, by_speed = by_angle + more[0], by_speed + more[1]
+    by_angle, by_speed = sliding_slopes(q1, points[at, 6], v1, s1, p)
     loss = -p[GEAR] * (p[F2] * p[GEAR] + (p[ETA] * p[C2] if branch != 0 else 0.0))
     jacobian[at, 0], jacobian[at, 1], jacobian[at, 2] = -i11 * by_angle, -i11 * by_speed, i12 * loss
     jacobian[at, 3], jacobian[at, 4], jacobian[at, 5] = -i12 * by_angle, -i12 * by_speed, i22 * loss

@@ -7,13 +7,12 @@ sides of sliding and the branch of the dead zone given), where r is smooth.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from swingid.model import parameters as at
 from swingid.model.further import further_row, further_slopes
 from swingid.model.motor import branch_torque
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import FLOAT, INT, VECTOR, KernelPointer, njit, njit_inlined
+from swingid.numerics.compiled import njit_inlined
 
 
 @njit_inlined
@@ -30,14 +29,18 @@ def friction_slope(v: float, s: int, p: Array) -> float:
 
 
 @njit_inlined
-def sliding_slopes(cosine: float, v: float, s: int, p: Array) -> tuple[float, float]:
-    """Derivatives of gravity and friction, by the angle (N m/rad) and by the speed (N m s); cosine: of the angle."""
-    return float(p[at.B] * cosine), friction_slope(v, s, p)
+def sliding_slopes(q1: float, cosine: float, v: float, s: int, p: Array) -> tuple[float, float]:
+    """Derivatives of all torques of a sliding axis by its angle (N m/rad) and speed (N m s); cosine: of the angle."""
+    by_angle, by_speed = float(p[at.B] * cosine), friction_slope(v, s, p)
+    if p[at.FURTHER] != 0.0:
+        more = further_slopes(q1, v, s, p)
+        by_angle, by_speed = by_angle + more[0], by_speed + more[1]
+    return by_angle, by_speed
 
 
 @njit_inlined
-def sliding_row(sine: float, v: float, s: int, p: Array, row: Array) -> None:
-    """∂r1/∂p into the places of `row` (SIZE,) of gravity and friction: −sin q1 for b, and those of −F."""
+def sliding_row(q1: float, sine: float, v: float, s: int, p: Array, row: Array) -> None:
+    """∂r1/∂p into the places of `row` (SIZE,): −sin q1 for b, those of −F, and those of the further terms."""
     row[at.B] = -sine
     peak = 0.0
     if p[at.STRIBECK_SPEED] > 0.0:
@@ -50,30 +53,8 @@ def sliding_row(sine: float, v: float, s: int, p: Array, row: Array) -> None:
     row[at.COULOMB_P], row[at.COULOMB_N] = -(1.0 - peak) * up, (1.0 - peak) * down
     row[at.STATIC_P], row[at.STATIC_N] = -peak * up, peak * down
     row[at.QUADRATIC], row[at.CUBIC], row[at.OFFSET] = -s * v * v, -v * v * v, -1.0
-
-
-@njit
-def _further(q1: float, v: float, s: int, p: Array, row: Array, slopes: Array) -> float:
-    """What the further terms add to `sliding_row`, and to `sliding_slopes` as `slopes` (2,)."""
-    further_row(q1, v, s, p, row)
-    slopes[0], slopes[1] = further_slopes(q1, v, s, p)
-    return 0.0
-
-
-@njit
-def _nothing(q1: float, v: float, s: int, p: Array, row: Array, slopes: Array) -> float:
-    return 0.0
-
-
-Further = Callable[[float, float, int, Array, Array, Array], float]
-
-_TYPES = FLOAT(FLOAT, FLOAT, INT, VECTOR, VECTOR, VECTOR)
-_FURTHER_KERNEL, _NO_FURTHER_KERNEL = KernelPointer(_further, _TYPES), KernelPointer(_nothing, _TYPES)
-
-
-def further_kernel(p: Array) -> KernelPointer:
-    """The kernel of the further terms, which is compiled only where a rig has some."""
-    return _FURTHER_KERNEL if p[at.FURTHER] != 0.0 else _NO_FURTHER_KERNEL
+    if p[at.FURTHER] != 0.0:
+        further_row(q1, v, s, p, row)
 
 
 @njit_inlined

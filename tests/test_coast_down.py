@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import swingid as sw
@@ -107,6 +108,24 @@ def test_one_coast_down_gives_friction_over_inertia_and_says_what_gives_kg_m2() 
     assert result.parameters["coulomb/inertia"].value == pytest.approx(FC / J, rel=5e-3)
     assert result.parameters["coulomb/inertia"].unit == "rad/s^2"
     assert any(note.code == "no-scale" and "--added" in note.message for note in result.notes)
+
+
+@pytest.mark.parametrize("width", [10.0, 20.0])
+@pytest.mark.parametrize("share", [0.05, 0.1])
+def test_friction_of_another_law_widens_the_interval(width: float, share: float) -> None:
+    """Dry friction that rises by twice `share` about 70 rad/s, which no term of the fit describes."""
+
+    def slowed(_: float, state: np.ndarray) -> list[float]:
+        torque = FC * (1 + share * np.tanh((state[1] - 70) / width)) + 2e-6 * state[1]
+        return [state[1], -torque / J if state[1] > 0.5 else 0.0]
+
+    time, step = np.arange(0, 55, 1 / 200), 2 * np.pi / 1024
+    found = solve_ivp(slowed, (0, 55), [0, 150], t_eval=time, rtol=1e-10, atol=1e-10)
+    log = sw.Recording(time=time, angle=np.round(found.y[0] / step) * step).segment(
+        0.0, float(time[found.y[1] > 5][-1])
+    )
+    result = sw.identify(log, wheel(counts=1024))
+    assert covers(result.parameters["coulomb/inertia"], FC * (1 - share) / J)
 
 
 def test_what_is_before_the_greatest_speed_is_not_used() -> None:

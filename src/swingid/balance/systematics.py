@@ -338,10 +338,14 @@ def place_torque(fits: Sequence[PlaceFit], u: float) -> float:
 
 
 def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:
-    """Standard uncertainty of a11 from the difference of another kind of windows beyond both uncertainties."""
+    """Standard uncertainty of a11 from the difference of another kind of windows beyond both uncertainties.
+
+    And beyond attenuation, of which short windows have more: jumps of a tracker are no white noise of known size.
+    """
     if other is None or other.total > COMPARED * abs(chosen.a11):
         return 0.0
-    return _unexplained(chosen, other, other.u**2 + chosen.u**2)
+    attenuated = attenuation(other) - attenuation(chosen)
+    return _unexplained(chosen, other, other.u**2 + chosen.u**2 + attenuated**2)
 
 
 def _unexplained(chosen: WindowFit, other: WindowFit, variance: float) -> float:

@@ -74,7 +74,9 @@ def momentum_together(
     found = fit_together(runs, equation, friction)
     _check(found, rig)
     scattered, notes = _friction_between(found) if unit is None else (0.0, [])
-    result = _result(found, prepared, _evaluate(found, rig, scattered), notes)
+    evaluated = _evaluate(found, rig, scattered)
+    _require_known(found, evaluated.parameters["inertia"].standard_uncertainty or 0.0)
+    result = _result(found, prepared, evaluated, notes)
     return result if unit is None else unscaled(result, Reference(f"{FRICTION}{unit}", unit, rig), rig)
 
 
@@ -121,7 +123,13 @@ def _check(found: Together, rig: Rig) -> None:
             'voltage_sign = -1 under [log] (+1 if it is -1 already), or angle_zero = "up" where 0 is the top.',
             code="wrong-sign",
         )
-    relative = law.total / max(abs(law.a11), 1e-300)
+    _require_known(found, law.total)
+
+
+def _require_known(found: Together, u: float) -> None:
+    """Raise NotIdentifiableError where the inertia, of standard uncertainty u, is not known to `HOPELESS`."""
+    law, where = found.law, ", ".join(run.name for run in found.runs)
+    rig, relative = found.runs[0].part.rig, u / max(abs(law.a11), 1e-300)
     if law.inertia <= 0 or relative > HOPELESS or not np.isfinite(relative):
         spread = "more than its value" if law.inertia <= 0 or relative > 1 else percent(relative)
         raise NotIdentifiableError(
@@ -163,7 +171,7 @@ def _between_ranges(law: WindowFit) -> Array:
     (jackknife that leaves out groups; Shao and Wu 1989). What its own few ranges leave open is not counted (`shrunk`).
     """
     count, nothing = len(law.rows), np.zeros_like(law.covariance)
-    if count < RANGES * 2 * LAG or count * (1 - 1 / RANGES) / (LAG / 2) <= len(law.unknowns):
+    if count < RANGES * LAG or count * (1 - 1 / RANGES) / (LAG / 2) <= len(law.unknowns):
         return nothing
     target, each = law.known + law.explained, []
     for left_out in np.array_split(np.arange(count), RANGES):

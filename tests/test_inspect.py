@@ -9,12 +9,15 @@ import re
 import numpy as np
 import pytest
 
+import swingid as sw
 from recording_cases import write_columns
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
-from swingid.errors import InputError
+from swingid.errors import InputError, SwingidError
+from swingid.recording.formats.table import Table
 from swingid.simulation import simulate
 from swingid.study.inspect import Inspection, inspect_log
+from swingid.study.inspect.inspection import inspect_table
 from swingid.study.inspect.motion import independent, spectrum
 from twin_logs import GIVEN, PAPER, twin
 
@@ -343,3 +346,18 @@ def test_a_clock_in_another_unit_is_said_first(clean, look, unit, factor) -> Non
     assert f"looks like {unit}" in found.checks[0].evidence
     assert found.check("rate").values["rate"] == pytest.approx(1000)
     assert found.tried == {"log.time_unit": unit}
+
+
+def test_a_log_that_identify_refuses_is_not_ready() -> None:
+    """A body that swings to and fro by a drive that was not logged: every other check passes."""
+    time = np.arange(0, 20, 0.01)
+    rig = sw.Rig.from_text(
+        'name = "a"\n[axis]\ngravity_torque = 1\n[drive]\nkind = "motor"\n[drive.motor]\ntorque_per_volt = 0.1\n'
+        '[log]\ntime = "t"\nangle = "q"\nvoltage = "u"\n'
+    )
+    angle = 0.3 * np.sin(5 * time) * (1 + 0.05 * time)
+    found = inspect_table(Table({"t": time, "q": angle, "u": np.zeros_like(time)}), rig)
+    with pytest.raises(SwingidError) as refused:
+        sw.identify(sw.Recording.from_table(Table({"t": time, "q": angle, "u": np.zeros_like(time)}), rig), rig)
+    assert found.verdict.status == "unusable"
+    assert found.check(refused.value.code).title == "identify"

@@ -41,7 +41,7 @@ def guess_point(candidates: Sequence[Candidate], found: dict[str, Role]) -> list
     if any(_is_angle(one) for one in candidates):
         return []
     marks = _marks(candidates)
-    moving = [(circle, mark) for mark in marks if (circle := _circle(mark)) is not None and circle.is_arc]
+    moving = [(circle, mark) for mark in marks if (circle := _circle(mark)) is not None and _is_arc(circle, mark)]
     if not moving:
         return []
     circle, (x, y) = min(moving, key=lambda one: one[0].scatter / one[0].radius)
@@ -57,12 +57,15 @@ def guess_point(candidates: Sequence[Candidate], found: dict[str, Role]) -> list
 
 
 def seen_from_a_camera(one: Candidate, candidates: Sequence[Candidate]) -> bool:
-    """Whether a column is a place in a picture: by its unit, or as x or y over many pixels."""
+    """Whether a column is a place in a picture: by its unit, or as x, or one of x and y, over many pixels.
+
+    y alone may be the output of a system, in degrees.
+    """
     if one.unit == "px":
         return True
     spans = {other.name: other.column.span for other in candidates if _is_place(other)}
     paired = max((max(spans[x], spans[y]) for x, y in pairs(spans) if one.name in (x, y)), default=0.0)
-    alone = spans.get(one.name, 0.0) if re.fullmatch(r"(?i)c?[xy]", one.name.strip()) else 0.0
+    alone = spans.get(one.name, 0.0) if re.fullmatch(r"(?i)c?x", one.name.strip()) else 0.0
     return not one.unit and max(paired, alone) > PIXELS
 
 
@@ -99,6 +102,23 @@ def _is_pivot(mark: Mark, circle: Circle) -> bool:
     x, y = (one.column for one in mark)
     away = np.hypot((x.low + x.high) / 2 - circle.centre[0], (y.low + y.high) / 2 - circle.centre[1])
     return bool(max(x.span, y.span) < STILL * circle.radius and away < NEAR * circle.radius)
+
+
+def _is_arc(circle: Circle, mark: Mark) -> bool:
+    """Whether a mark goes along a circle; one without names much more exactly, for other pairs may go so by chance."""
+    if not UNNAMED.fullmatch(mark[0].name):
+        return circle.is_arc
+    exact = COMPUTED < circle.scatter / circle.radius < EXACT and circle.line > CLEAR * circle.scatter
+    x, y = (traits.thin(one.values) for one in mark)
+    away = np.array(circle.centre) - (np.nanmedian(x), np.nanmedian(y))  # an arc lies on one side of its centre
+    beyond = away @ np.array((circle.centre[0] - x, circle.centre[1] - y))
+    return bool(circle.is_arc and exact and np.nanmin(beyond) > 0)
+
+
+COMPUTED, EXACT, CLEAR = 1e-6, 0.005, 10.0
+"""Least and largest scatter of a mark without names in levers, and that about a line in scatters: a current and a
+position, or an angle and its rate, lie on ellipses that are circles by chance to some per cent; sine and cosine of an
+angle lie on one to the last digit."""
 
 
 def _circle(mark: Mark) -> Circle | None:

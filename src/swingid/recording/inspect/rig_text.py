@@ -180,9 +180,7 @@ def rig_text(template: str, roles: Roles, columns: Mapping[str, Column], table: 
         elif title in WHEEL_ONLY and roles.drive != "reaction-wheel":
             continue
         elif title == "[drive]":
-            others = [f'"{kind}" ({what})' for kind, what in KINDS.items() if kind != roles.drive]
-            kind = f'kind = "{roles.drive}"'
-            parts.append(f"[drive]\n{kind:<38}# or {' or '.join(others)}\n\n")
+            parts.append(_drive(roles))
         elif title == "[sensors]":
             parts.append(_sensors(roles, columns))
         elif roles.linear and title == "[axis]":
@@ -194,6 +192,18 @@ def rig_text(template: str, roles: Roles, columns: Mapping[str, Column], table: 
         elif title != "[axis.friction]":
             parts.append(section)
     return "".join(parts)
+
+
+def _drive(roles: Roles) -> str:
+    """The section [drive]; a reaction wheel is not offered for a log without a column of it."""
+    wheel = roles.drive == "reaction-wheel"
+    others = [f'"{kind}" ({what})' for kind, what in KINDS.items() if kind not in (roles.drive, "reaction-wheel")]
+    kind = f'kind = "{roles.drive}"'
+    text = f"[drive]\n{kind:<38}# or {' or '.join(others)}\n"
+    return text + ("\n" if wheel else f"# {NO_WHEEL}\n\n")
+
+
+NO_WHEEL = "A reaction wheel needs a column of its angle or speed, which this log does not have."
 
 
 def _open(section: str, *keys: str) -> str:

@@ -89,7 +89,7 @@ def check_channels(channels: list[Channel], log: Recording | None, declared: Map
 def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, declared: float) -> Iterator[Check]:
     column, code, word = channel.column, channel.role, channel.word
     if column.constant:
-        dead: Level = "note" if channel.role in ("reference", "voltage") else "fault"
+        dead: Level = "note" if channel.role in ("reference", "voltage", "bridge", "supply") else "fault"
         text = (
             f"{word} (column {column.name!r}) is {column.low + 0.0:g} in all {len(column.values)} rows: a dead channel."
         )

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from swingid.errors import SwingidError
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.model.rig.drive import CHANNELS
 from swingid.preparation.noise import channel_noise
@@ -33,7 +34,7 @@ from swingid.recording.points import with_angle
 from swingid.recording.recording import Recording, Source
 from swingid.spellings import canonical
 from swingid.study.inspect.channels import Channel, check_channels
-from swingid.study.inspect.corrections import physics, read
+from swingid.study.inspect.corrections import physics, read, without_path
 from swingid.study.inspect.motion import Service, Swings, not_checked, read_motion, services
 from swingid.study.output import Study
 from swingid.system import sha256_of
@@ -154,13 +155,18 @@ def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
 def _of_first_rows(path: str | Path, rig: Rig | None) -> Inspection:
     """Inspect the first rows of a large log."""
     table = first_rows(path)
-    found = inspect_table(table, rig, Source(str(path), sha256_of(path)))
+    found = inspect_table(table, rig, Source(str(path), sha256_of(path)), whole=False)
     text = f"the log has {rows_in(path)} rows, of which the first {found.rows} were looked at."
     return replace(found, checks=(Check("first-rows", "rows", "note", text), *found.checks))
 
 
-def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = None) -> Inspection:
-    """Look at a table of named columns; what cannot be read as a log is a fault of the verdict, not an error."""
+def inspect_table(
+    table: Table, rig: Rig | None = None, source: Source | None = None, *, whole: bool = True
+) -> Inspection:
+    """Look at a table of named columns; what cannot be read as a log is a fault of the verdict, not an error.
+
+    whole: whether these are all rows of the log, so that `identify` has the last word on whether it is ready.
+    """
     source = source or Source()
     columns = describe(table)
     roles = guess_roles(columns)
@@ -200,7 +206,22 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
     )
     if reader is None or rows < FEWEST_ROWS:
         return found
-    return _with_motion(found, table, reader, source, by_name)
+    found = _with_motion(found, table, reader, source, by_name)
+    return _as_identified(found, table, rig, source) if rig is not None and whole else found
+
+
+def _as_identified(found: Inspection, table: Table, rig: Rig, source: Source) -> Inspection:
+    """The inspection of a log that seems ready, or lacks swings only, with the verdict that `identify` comes to."""
+    faults = [check for check in found.checks if check.level == "fault"]
+    if found.verdict.status == "repairs" or found.log is None or any(check.title != "motion" for check in faults):
+        return found
+    try:
+        identify(Recording.from_table(table, rig, source), rig)
+    except SwingidError as error:
+        refused = Check(error.code, "identify", "fault", without_path(error, source), "")
+        return found if faults else replace(found, checks=(*found.checks, refused))
+    checks = (replace(check, level="advice") if check in faults else check for check in found.checks)
+    return replace(found, checks=tuple(checks))
 
 
 def _with_motion(

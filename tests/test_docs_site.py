@@ -61,7 +61,8 @@ def module_order() -> tuple[str, ...]:
             "../src/swingid/model/rig/builtin/paper.toml",
             "files/src/swingid/model/rig/builtin/paper.toml",
         ),
-        ("README.md", "CONTRIBUTING.md", "files/CONTRIBUTING.md.txt"),
+        ("README.md", "CONTRIBUTING.md", "contributing.md"),
+        ("docs/live.md", "../firmware/README.md", "files/firmware/README.md.txt"),
         ("docs/rig.md", "https://example.org/a.md", "https://example.org/a.md"),
     ],
 )

@@ -8,18 +8,22 @@ from __future__ import annotations
 
 import math
 import time
+import zlib
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from typing import Any
 
-from swingid.errors import DeviceError
+from swingid.errors import DeviceError, UsageError
 from swingid.live.codes import State
-from swingid.live.devices.stream import closed_error, gone
+from swingid.live.devices.stream import Address, closed_error, gone
 from swingid.live.guard import Board, Readings
-from swingid.live.machine import Machine
+from swingid.live.machine import VERSION, Machine
 
 COUNTS = 100_000
 """Counts per turn into which the positions of such drives, which are turns or angles, are made."""
+
+WATCHDOG = 0.1
+"""Seconds of a drive's watchdog: as long as the heartbeat of a host may be missing."""
 
 MOST_RATE, ANSWER_TIME, SILENT = 500.0, 0.003, 1.0
 """Samples per second at most; seconds: for an answer, until a silent drive is gone."""
@@ -119,3 +123,21 @@ class HostLoop(ABC):
 def wrapped(turns: float) -> int:
     """Counts of a position in turns, in 32 bits."""
     return (round(turns * COUNTS) + 2**31) % 2**32 - 2**31
+
+
+def board_at(parts: Address, rate: float = 200.0) -> Board:
+    """The device of an address with options rate (default `rate`) and limit; UsageError for one that none has."""
+    rate, limit = parts.number("rate", rate), parts.number("limit", 10.0)
+    if not 20.0 <= rate <= MOST_RATE or not 0.0 < limit < 1000.0:
+        text = f"{parts.text!r}: rate must be 20 to {MOST_RATE:g} per second, limit above 0 V and below 1000 V"
+        raise UsageError(text, code="bad-address")
+    return Board(rate, COUNTS, COUNTS, limit, zlib.crc32(f"swingid {parts.scheme} {VERSION}".encode()))
+
+
+def gain_at(parts: Address) -> float:
+    """Torque at the wheel per volt (N m/V), the option nm_per_volt of an address; UsageError without one."""
+    gain = parts.number("nm_per_volt", math.nan)
+    if not math.isfinite(gain) or gain == 0.0:
+        text = f"{parts.text!r} must state nm_per_volt=X, the torque at the wheel (N m) per volt of the controller"
+        raise UsageError(text, code="bad-address")
+    return gain

@@ -26,13 +26,10 @@ from abc import abstractmethod
 from typing import Any
 
 from swingid.errors import DeviceError, UsageError
-from swingid.live.devices.host_loop import ANSWER_TIME, COUNTS, MOST_RATE, HostLoop, wrapped
+from swingid.live.devices.host_loop import ANSWER_TIME, WATCHDOG, HostLoop, board_at, gain_at, wrapped
 from swingid.live.devices.stream import Address, Stream, split_address
 from swingid.live.guard import Board, Readings
 from swingid.live.machine import VERSION, Machine
-
-WATCHDOG = 0.1
-"""Seconds of the drive's watchdog: as long as the heartbeat of a host may be missing."""
 
 PATIENCE = 0.5
 """Seconds for an answer outside of a sample."""
@@ -224,24 +221,15 @@ def _port(parts: Address, usual: int) -> Stream:
     return open_serial(f"serial://{parts.target}?baud={parts.whole('baud', usual)}")
 
 
-def _board(parts: Address) -> Board:
-    """The device of an address; UsageError for a rate or limit that none has."""
-    rate, limit = parts.number("rate", 200.0), parts.number("limit", 10.0)
-    if not 20.0 <= rate <= MOST_RATE or not 0.0 < limit < 1000.0:
-        text = f"{parts.text!r}: rate must be 20 to {MOST_RATE:g} per second, limit above 0 V and below 1000 V"
-        raise UsageError(text, code="bad-address")
-    return Board(rate, COUNTS, COUNTS, limit, zlib.crc32(f"swingid {parts.scheme} {VERSION}".encode()))
-
-
 def open_odrive(address: str) -> ODrive:
     """``odrive://PORT?nm_per_volt=X``; UsageError for a bad address, DeviceError without port or watchdog."""
     parts = split_address(address)
     parts.require("baud", "rate", "limit", "nm_per_volt", "motor", "axis")
-    gain, motor, axis = parts.number("nm_per_volt", math.nan), parts.whole("motor", 0), parts.whole("axis", 1)
-    if not math.isfinite(gain) or gain == 0.0 or {motor, axis} != {0, 1}:
-        text = f"{address!r} must be odrive://PORT?nm_per_volt=X, the torque at the motor per volt; motor and axis are "
-        raise UsageError(text + "0 and 1 or 1 and 0, the drive's sides", code="bad-address")
-    board = _board(parts)
+    motor, axis = parts.whole("motor", 0), parts.whole("axis", 1)
+    if {motor, axis} != {0, 1}:
+        text = f"{address!r}: motor and axis must be 0 and 1 or 1 and 0, the drive's sides"
+        raise UsageError(text, code="bad-address")
+    gain, board = gain_at(parts), board_at(parts)
     return ODrive(_port(parts, 115_200), address, board, nm_per_volt=gain, motor=motor, axis=axis)
 
 
@@ -249,7 +237,7 @@ def open_simplefoc(address: str) -> SimpleFoc:
     """``simplefoc://PORT``; UsageError for a bad address, DeviceError without port or watchdog."""
     parts = split_address(address)
     parts.require("baud", "rate", "limit")
-    board = _board(parts)
+    board = board_at(parts)
     return SimpleFoc(_port(parts, 1_000_000), address, board)
 
 
@@ -259,7 +247,7 @@ def open_hil(address: str) -> Hil:
 
     parts = split_address(address)
     parts.require("rate")
-    rate = _board(parts).rate
+    rate = board_at(parts).rate
     port = open_tcp(f"tcp://{parts.target}")
     port.address = address
     return Hil(port, address, rate)

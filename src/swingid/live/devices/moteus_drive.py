@@ -13,20 +13,15 @@ from __future__ import annotations
 
 import math
 import time
-import zlib
 from collections.abc import Callable
 from typing import Any
 
 from swingid.errors import DeviceError, UsageError
 from swingid.live.devices.can_bus import join_bus
-from swingid.live.devices.host_loop import ANSWER_TIME, COUNTS, MOST_RATE, HostLoop, wrapped
+from swingid.live.devices.host_loop import ANSWER_TIME, WATCHDOG, HostLoop, board_at, gain_at, wrapped
 from swingid.live.devices.stream import closed_error, gone, split_address
 from swingid.live.guard import Board, Readings
-from swingid.live.machine import VERSION
 from swingid.live.schema import missing_extra
-
-WATCHDOG = 0.1
-"""Seconds of the drive's watchdog."""
 
 FAULT_MODE = 1
 
@@ -165,14 +160,11 @@ def open_moteus(address: str) -> MoteusDevice:
     except ImportError:
         raise missing_extra("moteus", "moteus") from None
     del moteus
-    number = parts.target.strip("/") or "1"
-    rate, gain = parts.number("rate", 250.0), parts.number("nm_per_volt", math.nan)
-    limit, encoder = parts.number("limit", 10.0), parts.whole("encoder", 1)
-    good = number.isdecimal() and 1 <= int(number) < 127 and 20.0 <= rate <= MOST_RATE and encoder in (1, 2)
-    if not good or not math.isfinite(gain) or gain == 0.0 or not 0.0 < limit < 1000.0:
-        text = f"{address!r} must be moteus://ID?nm_per_volt=X with ID 1 to 126, rate 20 to {MOST_RATE:g}, limit in V, "
-        raise UsageError(text + "encoder 1 or 2; nm_per_volt is the torque at the wheel per volt", code="bad-address")
+    number, encoder = parts.target.strip("/") or "1", parts.whole("encoder", 1)
+    if not number.isdecimal() or not 1 <= int(number) < 127 or encoder not in (1, 2):
+        text = f"{address!r} must be moteus://ID?nm_per_volt=X with ID 1 to 126, and encoder 1 or 2"
+        raise UsageError(text, code="bad-address")
+    gain, board = gain_at(parts), board_at(parts, 250.0)
     interface = parts.options.get("interface", "socketcan")
     bus = join_bus(address, parts.options.get("channel", "can0"), interface)
-    board = Board(rate, COUNTS, COUNTS, limit, zlib.crc32(f"swingid moteus {VERSION}".encode()))
     return MoteusDevice(bus, address, board, drive=int(number), nm_per_volt=gain, encoder=encoder)

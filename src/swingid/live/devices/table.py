@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable
+from importlib import import_module
 from importlib.metadata import entry_points
 from typing import cast
 
@@ -17,72 +18,18 @@ from swingid.live.devices.stream import Stream, split_address
 GROUP = "swingid.devices"
 
 
-def _twin(address: str) -> Stream:
-    from swingid.live.devices.twin import open_twin
-
-    return open_twin(address)
-
-
-def _serial(address: str) -> Stream:
-    from swingid.live.devices.serial_port import open_serial
-
-    return open_serial(address)
-
-
-def _tcp(address: str) -> Stream:
-    from swingid.live.devices.tcp import open_tcp
-
-    return open_tcp(address)
-
-
-def _moteus(address: str) -> Stream:
-    from swingid.live.devices.moteus_drive import open_moteus
-
-    return open_moteus(address)
-
-
-def _odrive(address: str) -> Stream:
-    from swingid.live.devices.line_drives import open_odrive
-
-    return open_odrive(address)
-
-
-def _simplefoc(address: str) -> Stream:
-    from swingid.live.devices.line_drives import open_simplefoc
-
-    return open_simplefoc(address)
-
-
-def _hil(address: str) -> Stream:
-    from swingid.live.devices.line_drives import open_hil
-
-    return open_hil(address)
-
-
-def _csv(address: str) -> Stream:
-    from swingid.live.devices.columns import open_columns
-
-    return open_columns(address)
-
-
-def _can(address: str) -> Stream:
-    from swingid.live.devices.can_bus import open_can
-
-    return open_can(address)
-
-
-SCHEMES: dict[str, Callable[[str], Stream]] = {
-    "twin": _twin,
-    "serial": _serial,
-    "tcp": _tcp,
-    "moteus": _moteus,
-    "odrive": _odrive,
-    "simplefoc": _simplefoc,
-    "hil": _hil,
-    "csv": _csv,
-    "can": _can,
+SCHEMES = {
+    "twin": "twin:open_twin",
+    "serial": "serial_port:open_serial",
+    "tcp": "tcp:open_tcp",
+    "moteus": "moteus_drive:open_moteus",
+    "odrive": "line_drives:open_odrive",
+    "simplefoc": "line_drives:open_simplefoc",
+    "hil": "line_drives:open_hil",
+    "csv": "columns:open_columns",
+    "can": "can_bus:open_can",
 }
-"""Schemes of this package; each imports what it needs when it is opened."""
+"""Schemes of this package: module of this folder and function, imported when such an address is opened."""
 
 _PORT = re.compile(r"/dev/\S+|COM\d+", re.IGNORECASE)
 
@@ -107,7 +54,8 @@ def schemes() -> list[str]:
 def _opener(scheme: str) -> Callable[[str], Stream]:
     """The function that opens an address of this scheme."""
     if scheme in SCHEMES:
-        return SCHEMES[scheme]
+        module, _, name = SCHEMES[scheme].partition(":")
+        return cast(Callable[[str], Stream], getattr(import_module(f"swingid.live.devices.{module}"), name))
     for point in entry_points(group=GROUP, name=scheme):
         try:
             return cast(Callable[[str], Stream], point.load())

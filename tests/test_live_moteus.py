@@ -205,7 +205,7 @@ def test_a_drive_with_a_fault_or_gone_is_one_sentence(drive: tuple[FakeDrive, Bo
     ["moteus://1", "moteus://x?nm_per_volt=1", "moteus://1?nm_per_volt=0", "moteus://1?nm_per_volt=1&rate=1000"],
 )
 def test_addresses_that_are_none(address: str) -> None:
-    with pytest.raises(UsageError, match="nm_per_volt=X|rate must be"):
+    with pytest.raises(UsageError, match=r"nm_per_volt=X|rate must be"):
         open_device(address)
 
 

@@ -31,7 +31,7 @@ def image(machine: str) -> Path:
         pytest.skip(f"{', '.join(MISSING)} not on PATH ({INSTALL}), which executing for {machine} needs")
     target = folder() / f"{machine}.elf"
     defines = ["-DFIRMWARE=77", "-DTICK_RATE=10000"]
-    runtime = ["-ffreestanding", "-fno-builtin", "-nostdlib", f"-I{CORTEX}", f"-L{CORTEX}"]
+    runtime = ["-ffreestanding", "-fno-builtin", "-nostdlib", f"-I{CORTEX}", f"-L{FIRMWARE}"]
     sources = [*sorted(CORE.glob("*.c")), HAL / "main.c"]
     command = ["arm-none-eabi-gcc", "-mthumb", *MACHINES[machine], *FLAGS, *runtime, *defines, f"-I{CORE}"]
     command += [*map(str, sources), "-T", str(HAL / "memory.ld"), "-lgcc", "-o", str(target)]

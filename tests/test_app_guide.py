@@ -14,7 +14,7 @@ import pytest
 
 from browser import browser, listen, picture, served
 from swingid import Recording, Rig, identify
-from swingid.app.analysis import answered, sketched
+from swingid.app.analysis import answered, looked, sketched, track_of
 from swingid.app.draft import Draft, case_of, mend_of
 from swingid.app.keep import command, five_lines
 from swingid.app.kinds import KINDS, drawing, kind_of_rig
@@ -116,6 +116,12 @@ def test_from_a_dropped_file_to_what_is_kept(log, tmp_path):
         # both releases are offered; a part is drawn, and one is written
         page.get_by_role("button", name=re.compile("release 2")).wait_for(timeout=SLOW)
         page.get_by_text(re.compile(r"All \d+ checks of the log")).wait_for(timeout=SLOW)
+        before = page.locator(".swingid-view g[transform]").get_attribute("transform")
+        page.get_by_role("button", name="▶ Play").click()
+        page.wait_for_function(
+            "was => document.querySelector('.swingid-view g').getAttribute('transform') !== was", arg=before
+        )
+        page.get_by_role("button", name="❚❚ Pause").click()
         drag(page, 0.05, 0.4)
         page.get_by_role("button", name=re.compile("✕")).wait_for(timeout=SLOW)
         page.get_by_label("from, s").fill("16")
@@ -239,6 +245,32 @@ def test_the_kind_of_an_encoder_is_written():
     assert (known.sensor, known.counts_per_turn) == ("AS5600", 4096)
     draft.answers["encoder"] = (4, {})
     assert draft.rig().sensors.of("angle").nonlinearity == 0.0
+
+
+def test_a_mark_of_a_video_gives_the_angle(tmp_path):
+    t, q = released(0.0, 20.0, rate=50.0)
+    noise = np.random.default_rng(1).normal(0.0, 3e-4, (2, len(t)))
+    x, y = 0.31 * np.sin(q) + noise[0], -0.31 * np.cos(q) + noise[1]
+    path = tmp_path / "track.txt"
+    path.write_text("t\tx\ty\n" + "\n".join(f"{a:.3f}\t{b:.5f}\t{c:.5f}" for a, b, c in zip(t, x, y, strict=True)))
+    draft = Draft(logs={"track.txt": path})
+    draft.take_guess(looked(str(path)))
+    assert draft.moves
+    draft.kind, draft.answers["gravity"] = "free", (1, {"axis.gravity_torque": "78 ± 0.4 mN m"})
+    assert draft.rig_kind.missing(draft.columns) == ()
+    assert draft.values()["log.point"] == ["x", "y"]
+    found = answered(case_of(draft), "momentum", {})
+    assert found.main.value == pytest.approx(INERTIA, abs=2 * found.main.standard_uncertainty)
+
+
+@pytest.mark.parametrize("turned", ["angle", "none"])
+def test_a_track_is_even_whatever_the_log_is(turned):
+    time = np.array([0.0, 0.1, 0.5, 2.0])
+    angle = np.array([0.0, np.nan, 0.5, 2.0]) if turned == "angle" else np.full(4, np.nan)
+    track = track_of(time, angle)
+    assert track["step"] * (len(track["angles"]) - 1) == pytest.approx(2.0, abs=0.02)
+    expected = np.arange(len(track["angles"])) / 60 if turned == "angle" else np.zeros(len(track["angles"]))
+    assert track["angles"] == pytest.approx(expected, abs=1e-3)
 
 
 def test_names_of_dropped_files_are_no_paths():

@@ -52,12 +52,15 @@ def ready_to_run(page, duration: float, words: str = "sine 0.8 rad 8.5 rad/s") -
     is_open(page, "Check")
     click(page, "Check")
     page.get_by_text("signs: axis").first.wait_for(timeout=SLOW)
+    page.get_by_text("Pulses of up to").wait_for(timeout=SLOW)
     click(page, "Next: Rehearse")
     is_open(page, "Rehearse")
     page.get_by_label("reference", exact=True).fill(words)
     page.get_by_label("duration, s").fill(f"{duration:g}")
     click(page, "Rehearse on the twin")
     page.get_by_text("within the limits of the guard").first.wait_for(timeout=SLOW)
+    page.get_by_text("On the twin the body reaches").wait_for(timeout=SLOW)
+    page.get_by_role("button", name="❚❚ Pause").wait_for(timeout=SLOW)  # the drawing plays the rehearsal
     click(page, "Next: Run")
     is_open(page, "Run")
 
@@ -87,7 +90,7 @@ def test_every_step_on_the_twin(tmp_path):
         click(page, "Run")
         page.get_by_text("after swing").wait_for(timeout=SLOW)
         page.get_by_text(re.compile("wrote .*mcap")).wait_for(timeout=SLOW)
-        page.wait_for_timeout(500)
+        page.get_by_text(re.compile("is recorded. Next: its result")).wait_for(timeout=SLOW)
         picture(page, "live-run")
         (journal,) = journals(tmp_path)
         truth = Rig.load("paper").axis.inertia.value
@@ -107,9 +110,8 @@ def test_every_step_on_the_twin(tmp_path):
         go_to(page, "Rehearse")
         page.get_by_label("reference", exact=True).fill("sine 2.5 rad 6 rad/s")
         click(page, "Rehearse on the twin")
-        page.get_by_text("passes the limits of the guard").wait_for(timeout=SLOW)
-        page.wait_for_timeout(500)
-        assert waits(page, "Run").count() == 1
+        page.locator(".swingid-log", has_text="passes the limits of the guard").wait_for(timeout=SLOW)
+        waits(page, "Run").wait_for(timeout=SLOW)
         assert not errors
 
 

@@ -222,11 +222,13 @@ def track_of(time: Array, angle: Array, wheel: Array | None = None) -> dict[str,
     count = int(min(max((time[-1] - time[0]) * PLAYED, 2), MOST_PLAYED))
     even = time[0] + np.arange(count) / PLAYED
     good = np.isfinite(angle)
-    middle = float(np.mean(angle[good])) if good.any() else 0.0
+    if not good.any():
+        time, angle, good = time[:1], np.zeros(1), np.ones(1, bool)
+    middle = float(np.mean(angle[good]))
     found = {
         "first": float(time[0]),
         "step": 1 / PLAYED,
-        "angles": np.round(np.interp(even, time[good], angle[good]), 4).tolist() if good.any() else [0.0, 0.0],
+        "angles": np.round(np.interp(even, time[good], angle[good]), 4).tolist(),
         "scale": float(np.abs(angle[good] - middle).max(initial=0.0)) or 1.0,
     }
     if wheel is not None and (known := np.isfinite(wheel)).any():

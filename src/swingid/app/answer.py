@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -30,6 +31,10 @@ SHOWN = 5
 
 OUTSIDE = 8.0
 """Robust standard deviations beyond which a swing is left out of the picture, for the others to be seen."""
+
+
+STATES = re.compile(r"(?:the|an?|its?|they|their|this|these|that|which|both|no)\b", re.IGNORECASE)
+"""How the end of a sentence begins that states something more, and is nothing to do."""
 
 
 class Answer:
@@ -104,6 +109,8 @@ class Answer:
     def _card(self, title: str, sentence: str, code: str) -> None:
         """A warning: what, why, what to do, and where a key mends it a button that writes the key."""
         why, _, remedy = sentence.rpartition("; ")
+        if STATES.match(remedy):
+            why, remedy = "", sentence
         with ui.element("div").classes("swingid-warning").props('role="group" aria-label="warning"'):
             ui.label(title).classes("swingid-strong")
             ui.label(_sentence(why or remedy)).classes("swingid-text")

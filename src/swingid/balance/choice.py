@@ -13,15 +13,7 @@ import numpy as np
 
 from swingid.balance.delays import dry_levels, late_reversals
 from swingid.balance.errors import bends, late_error
-from swingid.balance.fits import (
-    BASIS,
-    LAG,
-    SLIGHT,
-    WindowFit,
-    fit_rows,
-    residuals_beside,
-    with_declared,
-)
+from swingid.balance.fits import BASIS, LAG, SLIGHT, WindowFit, fit_rows, residuals_beside, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import NEAR_REST, TERMS, with_near_rest
 from swingid.balance.lengths import search
@@ -81,18 +73,10 @@ MEMORY = ("auto", "on", "off")
 
 
 def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory: str = "auto") -> Choice:
-    """Windows and terms for the inertia, with stated constants where the log has them within their uncertainty.
-
-    Raises UnanswerableError for a log too short for any window.
-    """
-    found = _choose(signals, rig, equation, noise, memory)
-    return _choose(signals, rig, found.law.fitted_equation, noise, memory) if found.law.has_moved else found
-
-
-def _choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory: str) -> Choice:
     """Windows and terms for the inertia, and turning points corrected for the friction that is estimated with them.
 
     A peak of friction at rest delays the turning points, and its estimate depends on them: both are found by iteration.
+    Raises UnanswerableError for a log too short for any window.
     """
     searched, signals = _search(signals, equation, noise, BASIS)
     seen = friction_windows(signals, searched)
@@ -110,7 +94,7 @@ def _choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory
         calm = friction_windows(corrected, tried)
         known = {name: law.value(name) for name in IMPULSES if name in law.unknowns}
         left = law.uncertainty("memory") if known else impulse
-        friction = fit_friction(corrected, calm.rows, law.fitted_equation, known, left, noise.angle)
+        friction = fit_friction(corrected, calm.rows, equation, known, left, noise.angle)
         settled = before.size > 0 and float(np.max(np.abs(late - before))) < SETTLED * float(np.max(np.abs(late)))
         if settled or "stribeck" not in friction.terms:
             break

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,7 +16,7 @@ from swingid.balance.rows import Rows, Signals, Windows
 from swingid.model.equation import GRAVITY, SOUGHT, Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.regression import Beside, LinearFit, fit_linear, gram
+from swingid.numerics.regression import Beside, LinearFit, fit_linear
 from swingid.numerics.test_functions import CURVATURE_POWER, SLOPE_POWER, overlaps, rate_overlaps
 from swingid.preparation.noise import Noise
 from swingid.uncertainty.dark import shrunk
@@ -39,15 +39,8 @@ SLIGHT = 1e-6
 """Residuals as a share of the known side (RMS) below which no term is missing: they bias the inertia by about as much,
 and a latency that was corrected to first order leaves as much."""
 
-DRIVES = ("wheel", "torque", "torque_per_volt")
-"""Terms of the drives, whose coefficients set the scale of the equation where they are stated."""
-
 LAG = 4
 """Neighbouring rows that share data (windows of length 2L, one every L/2) and therefore are correlated."""
-
-
-NONE = np.zeros((0, 0))
-"""Of a fit without anything that is declared."""
 
 
 @dataclass(frozen=True)
@@ -109,8 +102,7 @@ class WindowFit(NamedFit):
     declared: effect of each declared imperfection of the rig on the unknowns. wandering: those of zero, bias and random
     walk of an integrated rate, which the covariance contains. computed: variance of a11 that is not
     estimated from the scatter of the rows: by the sensors' noise, and of attenuation. bare: the fit without what is
-    declared. moves (m, m): change of the value of each of `declared` that was fitted, the first m, per standard
-    deviation of another; value_covariance (m, m): covariance of these values by the scatter of the rows.
+    declared.
     """
 
     rows: Rows
@@ -121,8 +113,6 @@ class WindowFit(NamedFit):
     wandering: tuple[Effect, ...] = ()
     computed: float = 0.0
     bare: LinearFit | None = None
-    moves: Array = field(default_factory=lambda: NONE)
-    value_covariance: Array = field(default_factory=lambda: NONE)
 
     @property
     def friction(self) -> tuple[str, ...]:
@@ -132,25 +122,6 @@ class WindowFit(NamedFit):
     def value(self, name: str) -> float:
         """Value of a coefficient, fitted or stated; 0 where the balance does not have it."""
         return super().value(name) if name in self.unknowns else self.equation.value(name)
-
-    @cached_property
-    def _constants(self) -> list[Effect]:
-        """Those of `declared` that are constants of the equation and were fitted."""
-        return [effect for effect in self.declared if effect.item.of.fitted and effect.item.of.channel is None]
-
-    @cached_property
-    def fitted_equation(self) -> Equation:
-        """The equation with its constants as the fit has them, within their stated uncertainty."""
-        return self.equation.moved({one.item.source: one.value * one.item.std for one in self._constants})
-
-    @property
-    def has_moved(self) -> bool:
-        """Whether constants within their uncertainty explain more of the balance than it leaves.
-
-        Then the residuals by which terms of friction were chosen are those of wrong constants.
-        """
-        explained = sum((one.value * one.item.std * one.item.rows for one in self._constants), np.zeros(len(self.rows)))
-        return bool(explained @ explained > self.fit.residuals @ self.fit.residuals)
 
     @cached_property
     def coefficients(self) -> dict[str, float]:
@@ -269,49 +240,24 @@ def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
 
 
 def with_errors(fit: WindowFit, items: Sequence[RowError]) -> WindowFit:
-    """The fit with the effect of every one of these errors.
+    """The fit with the effect of every one of these errors; nonlinearities and latencies of encoders are fitted.
 
-    Constants, nonlinearities and latencies of encoders enter the rows linearly and their standard deviations are
-    declared, so they are unknowns with that prior, of which the log determines what it can (THEORY 4, self-calibration;
-    mixed estimation, Theil and Goldberger 1961): between the fit with the constant as stated and that with an unknown
-    one. Others are propagated. What is noise of a rate is of type A.
+    These enter the rows linearly and their standard deviations are declared, so their amplitudes are unknowns with that
+    prior, of which the log determines what it can (THEORY 4, self-calibration). Constants are no unknowns: their
+    declared uncertainty is propagated. What is noise of a rate is of type A.
     """
-    items = _of_one_scale(fit, items)
     fitted = [item for item in items if item.of.fitted]
-    fit = with_fitted(fit, [fitted])[0] if fitted else replace(fit, declared=(), moves=NONE, value_covariance=NONE)
+    fit = with_fitted(fit, [fitted])[0] if fitted else replace(fit, declared=())
     passed = (Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.of.fitted)
     effects = [*fit.declared, *passed]
     noise = tuple(effect for effect in effects if effect.item.of.of_noise)
-    wanders = np.array([item.of.of_noise for item in fitted], dtype=bool)
-    by_noise = fit.moves[np.ix_(~wanders, wanders)]
     return replace(
         fit,
-        moves=fit.moves[np.ix_(~wanders, ~wanders)],
-        value_covariance=fit.value_covariance[np.ix_(~wanders, ~wanders)] + by_noise @ by_noise.T,
         covariance=fit.covariance + sum(np.outer(effect.shifts, effect.shifts) for effect in noise),
         computed=fit.computed + sum(float(effect.shifts[0]) ** 2 for effect in noise),
         declared=tuple(effect for effect in effects if not effect.item.of.of_noise),
         wandering=noise,
     )
-
-
-def _of_one_scale(fit: WindowFit, items: Sequence[RowError]) -> list[RowError]:
-    """The errors with those of the scale of the equation as what they are: of all terms, and of the residuals.
-
-    The equation is homogeneous, so a constant of the term that sets its scale (the drive, else the largest that is
-    stated) is an error of all its unknowns in one proportion, and nothing in the rows shows it but a second stated
-    term. As an error of the one term alone it would be fitted to the residuals, which a smaller scale makes smaller.
-    """
-    stated = fit.equation.stated
-    sizes = {name: abs(value) * float(np.linalg.norm(fit.rows[name])) for name, value in stated.items() if value}
-    if not sizes:
-        return list(items)
-    scale = next((name for name in DRIVES if name in sizes), max(sizes, key=lambda name: sizes[name]))
-    shares = {key: slope / stated[scale] for key, slope in fit.equation.coefficients[scale].sources.items()}
-    left = fit.fit.residuals
-    return [
-        replace(item, rows=item.rows - shares[item.source] * left) if item.source in shares else item for item in items
-    ]
 
 
 def with_fitted(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: int = 2) -> list[WindowFit]:
@@ -328,8 +274,6 @@ def with_fitted(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: i
     solved, errors = fit_with_prior(fit, extra, rounds, means)
     data = LinearFit(solved.values[:, :p], solved.residuals[:, :rows], solved.influence[:, :p, :rows], solved.condition)
     covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.equation, fit.noise)
-    moves = solved.influence[:, p:, rows:] * errors[:, None, None]
-    unsure = gram(solved.influence[:, p:, :rows]) * errors[:, None, None] ** 2
     spreads = np.linalg.norm(solved.influence[:, p:], axis=2) * errors[:, None]
     shifts = solved.influence[:, :p, rows:] * errors[:, None, None]
     found = []
@@ -338,13 +282,12 @@ def with_fitted(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: i
             Effect(item, shifts[k, :, j], float(solved.values[k, p + j]), float(spreads[k, j]))
             for j, item in enumerate(items)
         )
-        own, m = replace(fit, fit=data[k], covariance=covariance[k], computed=float(computed[k])), len(items)
-        found.append(replace(own, declared=effects, moves=moves[k, :m, :m], value_covariance=unsure[k, :m, :m]))
+        found.append(replace(fit, fit=data[k], covariance=covariance[k], computed=float(computed[k]), declared=effects))
     return found
 
 
 def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit | None:
-    """The same windows with the gravity torque an unknown without prior, and all else that is declared as in a fit.
+    """The same windows with the gravity torque an unknown without prior, and all else that is declared propagated.
 
     None where there are too few rows, and where a further unknown has the regressor of gravity. Computed once.
     """
@@ -353,8 +296,9 @@ def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit |
         if free is not None and np.isfinite(free.fit.condition):
             # of the stated equation: its clock and tilt act where both gravity torques are compared
             items = errors_of(free.rows, signals, rig, fit.equation, free.coefficients)
-            others = [item for item in items if item.source != GRAVITY and not item.of.of_noise]
-            fit.kept["gravity free"] = with_errors(free, others)
+            others = (item for item in items if item.source != GRAVITY and not item.of.of_noise)
+            effects = tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others)
+            fit.kept["gravity free"] = replace(free, declared=effects)
     found: WindowFit | None = fit.kept.setdefault("gravity free", None)
     return found
 

@@ -269,6 +269,6 @@ def declared_effects(law: WindowFit) -> Array:
     fitted = [effect.item.of.fitted for effect in law.declared]
     alone = law.beside(effects[:, fitted]).rest
     error = max(LAG / 2 * float(np.mean(law.fit.residuals**2)), 1e-300)
-    powers, directions = np.linalg.eigh(alone.T @ alone)
-    effects[:, fitted] = effects[:, fitted] @ (directions / np.sqrt(1.0 + np.maximum(powers, 0.0) / error))
+    posterior = np.linalg.inv(np.eye(sum(fitted)) + alone.T @ alone / error)
+    effects[:, fitted] = effects[:, fitted] @ np.linalg.cholesky(posterior)
     return effects

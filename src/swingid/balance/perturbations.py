@@ -58,8 +58,7 @@ class Perturbation:
 
     channel, shape: of an error of a channel, see `SHAPES`; "latency" is its rate, "level" what is unknown of an
     integrated rate. fitted: whether the method momentum has it as an unknown under its prior, of the mean `mean` in
-    standard deviations; others are propagated. A constant is one: the log may determine it better than the rig file
-    states it. constant, of_time: see `Declared`. of_noise: whether it is a part of
+    standard deviations; others are propagated. constant, of_time: see `Declared`. of_noise: whether it is a part of
     the sensor's noise, which is of type A.
     """
 
@@ -154,13 +153,7 @@ def of_constants(equation: Equation) -> Iterator[Perturbation]:
     """The constants that the coefficients of an equation are made of, exact ones (std 0) too."""
     for one in equation.constants:
         yield Perturbation(
-            one.key,
-            one.std,
-            one.key if one.shared else None,
-            fitted=True,
-            constant=not one.deviation,
-            of_time=one.key == CLOCK,
-            mean=-one.moved / one.std if one.std else 0.0,
+            one.key, one.std, one.key if one.shared else None, constant=not one.deviation, of_time=one.key == CLOCK
         )
 
 

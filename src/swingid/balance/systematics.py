@@ -52,7 +52,7 @@ SHORTEST, COMPARED_LENGTHS = 0.49, 4.0
 relative uncertainties up to which, for a poorer estimate adds less than its own uncertainty."""
 
 COMPARED = 0.1
-"""Share of the inertia above which the uncertainty of another estimate is too large for a consistency check."""
+"""Share of the inertia above which the uncertainty of a kind of windows is too large for a consistency check."""
 
 
 def timing_spread(fit: WindowFit, impulse: float) -> float:
@@ -160,8 +160,7 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     torque in one proportion. The dark uncertainty holds the estimates of both cases. u: of the estimate it is added
     to, if that is smaller than that of `law`.
     """
-    acting, u = rig.axis.acting_gravity, min(u, law.u)
-    stated = 0.0 if acting is None else acting.value
+    stated, u = law.equation.value("gravity_torque"), min(u, law.u)
     if law.equation.seeks("gravity_torque") or not law.equation.driven or signals.linear:
         return 0.0
     free = with_gravity_free(law, rig, signals)
@@ -179,8 +178,6 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     # a11 is in proportion to the gravity torque, to first order
     by_gravity = free.a11 - law.a11 - law.a11 * (free.value("gravity_torque") / stated - 1.0)
     variance += ratio * (law.a11 / stated) ** 2
-    if variance > (COMPARED * law.a11) ** 2:  # what is stated so loosely contradicts nothing
-        return by_drive
     return max(by_drive, dark_uncertainty(by_gravity, variance, u))
 
 

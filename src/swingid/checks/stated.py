@@ -96,7 +96,7 @@ def _may_show(law: WindowFit, signals: Signals) -> bool:
 
 def _uncertain(law: WindowFit) -> Array:
     """Columns (rows, n) of the constants that are stated with an uncertainty, which explain residuals as well."""
-    columns = [effect.item.rows for effect in law.declared if effect.item.of.channel is None]
+    columns = [effect.item.rows for effect in law.declared if not effect.item.of.fitted]
     return np.array(columns).reshape(len(columns), len(law.rows)).T
 
 

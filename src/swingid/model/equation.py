@@ -57,15 +57,13 @@ class Constant:
     """What coefficients are made of: its key, its standard uncertainty (0: exact or none stated).
 
     deviation: whether it is no constant of the model but a relative deviation of several, of the clock or a tilt.
-    shared: whether it is a quantity of the rig, the same in all its results. moved: by how much the coefficients have
-    it larger than the rig file states.
+    shared: whether it is a quantity of the rig, the same in all its results.
     """
 
     key: str
     std: float
     deviation: bool = False
     shared: bool = True
-    moved: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -127,20 +125,6 @@ class Equation:
         kept = {name: one for name, one in self.coefficients.items() if name not in names}
         terms = {name: one for name, one in self.terms.items() if name not in names}
         return replace(self, coefficients=kept, terms=terms)
-
-    def moved(self, by: Mapping[str, float]) -> Equation:
-        """The equation with constants, by their keys, larger by so much than now, to first order.
-
-        What of the inertia is not the body's stays as stated: its uncertainty counts in full (`RowError.direct`).
-        """
-        coefficients = {
-            name: one
-            if one.value is None
-            else replace(one, value=one.value + sum(by.get(key, 0.0) * slope for key, slope in one.sources.items()))
-            for name, one in self.coefficients.items()
-        }
-        constants = tuple(replace(one, moved=one.moved + by.get(one.key, 0.0)) for one in self.constants)
-        return replace(self, coefficients=coefficients, constants=constants)
 
     def slopes(self, key: str) -> dict[str, float]:
         """Derivatives of the coefficients by a constant, by the names of their terms."""

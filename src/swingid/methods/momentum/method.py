@@ -8,7 +8,6 @@ friction, with nothing but angles. The paper's mirror motions (3) are its even w
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -172,53 +171,26 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     values |= {
         name: (value, units[name]) for name, value in zip(weights, own @ list(coefficients.values()), strict=True)
     }
-    items = errors_of(friction.rows, signals, rig, law.fitted_equation, law.coefficients)
-    effects = {item.source: own @ friction.influence @ item.rows for item in items if not item.of.of_noise}
-    for item in items:
+    effects = {effect.item.source: effect for effect in law.declared}
+    declared = []
+    for item in errors_of(friction.rows, signals, rig, equation, law.coefficients):
+        if item.of.of_noise:
+            continue
+        shifts = effects[item.source].shifts[body] / item.std
+        of_friction = own @ friction.influence @ item.rows
         if item.of.scales_speed:
-            effects[item.source] -= [power_of(name) * values[name][0] for name in weights]
-    found = _at_fitted(law, effects, list(weights))
-    declared = [
-        effect.item.on(np.concatenate([effect.shifts[body] / effect.item.std, found.slopes[effect.item.source]]))
-        for effect in law.declared
-    ]
-    scattered = _scatter(law, friction, body, own, signals, found.variance)
+            of_friction -= [power_of(name) * values[name][0] for name in weights]
+        declared.append(item.on(np.concatenate([shifts, of_friction])))
+    scattered = _scatter(law, friction, body, own, signals)
     least = NEGLIGIBLE * law.u
     common = [(systematic(source), "inertia", spread) for source, spread in estimate.common.items() if spread > least]
     return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)
 
 
-class _AtFitted(NamedTuple):
-    """Friction with the constants as a fit has them: slopes by what is declared, and the variance by the fit."""
-
-    slopes: dict[str, Array]
-    variance: Array
-
-
-def _at_fitted(law: WindowFit, effects: dict[str, Array], parameters: list[str]) -> _AtFitted:
-    """effects: change of these parameters of friction per unit of each constant and error of a channel, by source.
-
-    A constant that is fitted changes by what the fit makes of the priors of all that is fitted beside it.
-    """
-    count = len(law.moves)
-    fitted = law.declared[:count]
-    own = [effects[one.item.source] * one.item.std * (one.item.of.channel is None) for one in fitted]
-    levers = np.array(own).reshape(count, len(parameters)).T
-    moved = levers @ law.moves
-    slopes = dict(effects)
-    for k, one in enumerate(fitted):
-        rest = effects[one.item.source] if one.item.of.channel is not None else 0.0
-        slopes[one.item.source] = rest + moved[:, k] / one.item.std
-    return _AtFitted(slopes, levers @ law.value_covariance @ levers.T)
-
-
-def _scatter(
-    law: WindowFit, friction: FrictionLaw, body: list[int], own: Array, signals: Signals, constants: Array
-) -> Scatter:
+def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array, signals: Signals) -> Scatter:
     """Type A covariance of the parameters of the body and of the friction, which come from two fits of one log.
 
-    body: of the first, among the unknowns of the law windows. own: weights of the friction parameters. constants:
-    covariance of the friction by the constants that were fitted. Their
+    body: of the first, among the unknowns of the law windows. own: weights of the friction parameters. Their
     correlation is that by white noise of the samples.
     """
     first, influence = law.fit.influence[body], own @ friction.influence
@@ -226,7 +198,7 @@ def _scatter(
     instants = common_instants([windows for windows, _ in pairs])
     noise = [noise_weights(windows, rows, instants) for windows, rows in pairs]
     of_body = law.covariance[np.ix_(body, body)]
-    of_friction = own @ (friction.covariance + wandering(law, friction, signals)) @ own.T + constants
+    of_friction = own @ (friction.covariance + wandering(law, friction, signals)) @ own.T
     matrix = joined(of_body, of_friction, noise[0] @ noise[1].T, noise[0] @ noise[0].T, noise[1] @ noise[1].T)
     count = len(friction.influence) + len(body)
     freedom = [scatter_freedom(row, bartlett(LAG), count) for row in influence]
@@ -266,7 +238,7 @@ def _details(estimate: _Estimate, motor: float | None) -> Details:
 def _per_swing(estimate: _Estimate, signals: Signals) -> SwingSeries:
     """One inertia per turning point: its even window, less the fitted friction."""
     law, rows = estimate.evidence.law, estimate.turning_rows
-    equation, noise = law.fitted_equation, law.noise
+    equation, noise = law.equation, law.noise
     others = {name: law.value(name) for name in law.unknowns[1:] if name in rows.columns}
     values = (known_side(rows, equation) - rows.sum_of(others)) / rows["inertia"] - equation.carried
     power = (law.a11 * noise.angle) ** 2 + (equation.value("wheel") * noise.wheel) ** 2

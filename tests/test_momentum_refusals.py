@@ -85,9 +85,14 @@ def test_one_large_tone_is_refused_doubted_or_rightly_uncertain(amplitude, noise
 
 
 def test_one_tone_with_a_torque_does_not_either():
-    log = direct_log(ONE_TONE, friction, TIME)
-    with pytest.raises(UnanswerableError, match="add a second frequency"):
-        identify(log, direct_rig(**{"axis.gravity_torque": "unknown"}))
+    rig = direct_rig(**{"axis.gravity_torque": "unknown"})
+    for amplitude in (0.05, 0.1, 0.2):
+        with pytest.raises(UnanswerableError, match="add a second frequency"):
+            identify(direct_log(Sines((amplitude, 8.5, 0.0)), friction, TIME), rig)
+    # ONE_TONE is large, so that sin q has a third harmonic, by which a perfect log determines both
+    large = identify(direct_log(ONE_TONE, friction, TIME), rig)
+    assert large.inertia.value == pytest.approx(INERTIA, rel=1e-6)
+    assert large.inertia.standard_uncertainty < 1e-4 * INERTIA
 
 
 def test_a_weak_second_tone_is_doubted():

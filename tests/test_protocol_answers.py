@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,9 +14,12 @@ from protocol_page import page, table
 from swingid.live import codes, frames, guard
 from swingid.live.codes import Mode, State, StopMode
 from swingid.live.frames import encode
-from swingid.live.guard import Readings
+from swingid.live.guard import Board, Readings
 from swingid.live.machine import Machine
 from swingid.live.schema import schema
+
+SLOW = replace(BOARD, most_edges=1.0)
+"""A board that counts one edge per second, so no wheel that turns."""
 
 DEVICES = pytest.mark.parametrize("kind", [Machine, CoreDevice], ids=["python", "c"])
 
@@ -23,8 +27,8 @@ DEVICES = pytest.mark.parametrize("kind", [Machine, CoreDevice], ids=["python", 
 class Bench(Driver):
     """A device in a wanted state, and what the page's words say of it: held, CRC, taken, room, free, begin."""
 
-    def __init__(self, kind: Any) -> None:
-        super().__init__(kind(BOARD))
+    def __init__(self, kind: Any, board: Board = BOARD) -> None:
+        super().__init__(kind(board))
         self.held, self.taken, self.used, self.begin = 0, 0, 0, 0
         self.parameters = PARAMETERS
 
@@ -128,7 +132,7 @@ def prepared(name: str) -> Any:
     """A device in the situation of a row of the table of refusals, or in the one in which its message is good."""
 
     def make(kind: Any) -> Bench:
-        bench = Bench(kind)
+        bench = Bench(kind, SLOW if name == "fast" else BOARD)
         bench.tick()
         if name == "half":
             bench.tell(parameter_frames()[:140])
@@ -174,6 +178,7 @@ BROKEN: dict[str, Rule] = {
     "A3": ([prepared("half"), prepared("none")], []),
     "A4": ([prepared("bad")], [{"parameters": 1}]),
     "A5": ([prepared("over")], []),
+    "A6": ([prepared("fast")], []),
     "F1": ([prepared("")], []),
     "F2": ([], [{"session": 8}]),
     "F3": ([], [{"count": 15}, {"count": 255}]),

@@ -337,3 +337,15 @@ def test_lines_that_the_rig_file_skips(tmp_path: Path) -> None:
     assert [one.code for one in log.findings] == []
     log.save(tmp_path / "again.csv", rig)
     assert len(sw.Recording.load(tmp_path / "again.csv", rig)) == 200
+
+
+@pytest.mark.parametrize("header", ["a,a,b\nx,x\n", "a,a\nx,x,y,z\n", "a,b,a\nm,m,m,m,m\n", "q,q\nw\n"])
+def test_rows_above_the_numbers_of_other_widths_are_read_or_refused_in_a_sentence(header: str) -> None:
+    body = "".join(f"{k / 50},{k % 7}.5,{k % 3}\n" for k in range(20))
+    try:
+        found = read_table((header + body).encode(), "log.csv")
+    except InputError as error:
+        assert error.exit_code == 3
+    else:
+        assert len(found.columns) == 3
+        assert len(found.numbers(next(iter(found.columns)))[0]) >= 20

@@ -273,6 +273,38 @@ def test_the_image_of_the_package_is_what_its_compiler_makes_of_the_sources(tmp_
     assert built("gcc", tmp_path) == IMAGE
 
 
+@pytest.mark.parametrize(
+    "values",
+    [
+        "LIMIT=20",
+        "LIMIT=8 SUPPLY=6.5",
+        "SUPPLY=0",
+        "LIMIT=0",
+        "LIMIT=-1",
+        "LIMIT=1e1",
+        "LIMIT=9V",
+        "ORDER=9",
+        "ARM=foo",
+    ],
+)
+def test_values_that_no_board_can_have_are_refused_before_the_compiler(values: str, tmp_path: Path) -> None:
+    """A limit above the supply would be recorded as applied, where the bridge gives less."""
+    if shutil.which("make") is None:
+        pytest.skip("make is not on PATH")
+    command = ["make", "-s", "-C", str(FIRMWARE), "values", *values.split()]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 2
+    assert values.split(maxsplit=1)[0] in run.stdout
+
+
+def test_values_that_a_board_can_have_are_taken() -> None:
+    if shutil.which("make") is None:
+        pytest.skip("make is not on PATH")
+    for values in ("", "LIMIT=8", "LIMIT=9.5 SUPPLY=9.5", "ORDER=0 ARM=zig"):
+        command = ["make", "-s", "-C", str(FIRMWARE), "values", *values.split()]
+        assert subprocess.run(command, capture_output=True, text=True).stdout == ""
+
+
 def test_in_single_precision_every_order_has_the_time_and_other_voltages(tmp_path: Path) -> None:
     """The build that is not shipped: README.md has its figures beside those of doubles."""
     if shutil.which("arm-none-eabi-gcc") is None or shutil.which("make") is None:

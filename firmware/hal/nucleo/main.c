@@ -244,7 +244,7 @@ void hal_read(swingid_inputs *inputs) {
 void hal_apply(float voltage, int armed) {
     const float size = voltage < 0.0f ? -voltage : voltage;
     set(GPIOA, 9, voltage >= 0.0f);
-    REGISTER(TIM1 + 0x34) = (uint32_t)(size / SUPPLY * (float)PWM_STEPS + 0.5f);
+    REGISTER(TIM1 + 0x34) = (uint32_t)(size / (float)SUPPLY * (float)PWM_STEPS + 0.5f);
     set(GPIOB, 10, armed);
 }
 
@@ -280,7 +280,7 @@ static uint32_t image_hash(void) {
 }
 
 void reset(void) {
-    swingid_config config = {(float)RATE, 1u << AS5048A_BITS, 1u << AS5048A_BITS, VOLTAGE_LIMIT, 0, MOST_ORDER, 0};
+    swingid_config config = {(float)RATE, 1u << AS5048A_BITS, 1u << AS5048A_BITS, (float)VOLTAGE_LIMIT, 0, MOST_ORDER, 0};
     swingid_inputs first;
     bridge_off();
     watchdog();

@@ -9,6 +9,7 @@ import stat
 import subprocess
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -197,8 +198,16 @@ def map_in_processes(
         return
     with worker_pool(count) as pool:
         with interruption_waits():
-            found = pool.map(function, items[1:], chunksize=chunk)
-        yield from found
+            # by `pool.map` the rest would be cancelled at an interruption, by which Python 3.11 may wait for ever:
+            # the pool's thread ends by an error of its own where its processes end while cancelled work is left
+            parts = range(1, len(items), chunk)
+            left = deque(pool.submit(_each, function, items[k : k + chunk]) for k in parts)
+        while left:
+            yield from left.popleft().result()
+
+
+def _each(function: Callable[[Item], Found], items: Sequence[Item]) -> list[Found]:
+    return [function(item) for item in items]
 
 
 def is_file(path: str | Path) -> bool:

@@ -242,6 +242,44 @@ def test_a_drive_that_stops_answering_ends_the_run_without_torque(name: str) -> 
     assert not lines.enabled
 
 
+NOISE = (
+    "\xff\x00?",
+    "1e308 1e308",
+    "1e308,1e308,1e308",
+    "1e999 0 0",
+    "nan nan nan",
+    "1",
+    "",
+    "9e15,9e15,0",
+    "1 2 3 4 5",
+)
+
+
+@pytest.mark.parametrize("often", [1, 2, 97])
+@pytest.mark.parametrize("noise", NOISE)
+@pytest.mark.parametrize("name", MAKERS)
+def test_noise_on_the_line_ends_a_run_without_torque_or_costs_a_sample(name: str, noise: str, often: int) -> None:
+    """One answer of `often`: single ones are bridged or end the run, but are no errors of the program."""
+    lines, device, session = session_on(name)
+    answers, sound = 0, lines.take
+
+    def damaged(line: str) -> str | None:
+        nonlocal answers
+        answer = sound(line)
+        if answer is None or device.machine.state is not State.RUNNING:
+            return answer
+        answers += 1
+        return noise if answers % often == 0 else answer
+
+    lines.take = damaged
+    run = session.run(0.1 * np.sin(np.arange(600) * 0.034))
+    assert answers > 0
+    ended = run.end.reason is Reason.LOST or run.end.fault is not FaultCode.NONE
+    assert ended or (often > 1 and run.end.reason is Reason.FINISHED)
+    assert not lines.enabled
+    assert lines.volts == 0.0
+
+
 def test_an_error_of_an_odrive_ends_the_run() -> None:
     lines, device, session = session_on("odrive")
 

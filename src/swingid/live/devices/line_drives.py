@@ -26,7 +26,7 @@ from abc import abstractmethod
 from typing import Any
 
 from swingid.errors import DeviceError, UsageError
-from swingid.live.devices.host_loop import ANSWER_TIME, WATCHDOG, HostLoop, board_at, gain_at, wrapped
+from swingid.live.devices.host_loop import ANSWER_TIME, COUNTS, WATCHDOG, HostLoop, board_at, gain_at, wrapped
 from swingid.live.devices.stream import Address, Stream, split_address
 from swingid.live.guard import Board, Readings
 from swingid.live.machine import VERSION, Machine
@@ -36,6 +36,9 @@ PATIENCE = 0.5
 
 CHECKED = 25
 """Samples between two looks for an error of the drive: ten a second at 250 Hz, each as long as a sample's question."""
+
+WHOLE = 2.0**53 / COUNTS
+"""Numbers of an answer are smaller: counts of turns are whole in a double; larger ones are noise on the line."""
 
 IDLE, CLOSED_LOOP, TORQUE, PASSTHROUGH = 1, 8, 1, 1
 """ODrive's numbers of its states, control mode and input mode."""
@@ -77,13 +80,14 @@ class LineDrive(HostLoop):
             found = [float(word) for word in (self._ask(line, patience) or "").replace(",", " ").split()]
         except ValueError:
             return None
-        return found if len(found) == count and all(map(math.isfinite, found[:2] + found[3:])) else None
+        sound = all(abs(one) < WHOLE for one in found[:2] + found[3:])  # nan and infinite ones are not
+        return found if len(found) == count and sound else None
 
-    def _now_at(self, axis: float | None, wheel: float | None) -> Readings:
+    def _now_at(self, axis: float | None, wheel: float | None, current: float = math.nan) -> Readings:
         """Readings of two positions in turns."""
         if axis is None or wheel is None:
             return self._last._replace(valid=False)
-        self._last = Readings(wrapped(axis), wrapped(wheel))
+        self._last = Readings(wrapped(axis), wrapped(wheel), current)
         return self._last
 
     def _drive_by(self, voltage: float | None) -> None:
@@ -205,8 +209,7 @@ class Hil(LineDrive):
         if found is None:
             return self._last._replace(valid=False)
         axis, wheel, current = found
-        self._last = Readings(round(axis), round(wheel), current)
-        return self._last
+        return self._now_at(axis / COUNTS, wheel / COUNTS, current)
 
     def _switch(self, on: bool) -> tuple[str, ...]:
         return "U,0", f"E,{int(on)}"

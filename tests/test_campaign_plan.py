@@ -62,11 +62,13 @@ def test_a_bad_plan_is_one_sentence_that_names_the_key(head: str, text: str, sai
 def test_files_that_are_no_plan(tmp_path) -> None:
     with pytest.raises(UsageError, match="one of coverage"):
         load_plan("nothing")
-    with pytest.raises(InputError, match="does not exist"):
+    with pytest.raises(InputError) as caught:
         load_plan(tmp_path / "none.toml")
+    assert caught.value.code == "missing-file"
     (tmp_path / "bad.toml").write_text("name = ")
-    with pytest.raises(InputError, match="is not TOML"):
+    with pytest.raises(InputError) as caught:
         load_plan(tmp_path / "bad.toml")
+    assert caught.value.code == "not-toml"
 
 
 def test_a_grid_has_every_combination() -> None:

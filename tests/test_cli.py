@@ -304,9 +304,16 @@ def test_an_interrupt_is_one_line_and_130(tmp_path: Path) -> None:
     os.mkfifo(fifo)
     command = [sys.executable, "-m", "swingid", "identify", str(fifo), "--rig", "paper"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    time.sleep(2.0)
+    writer = None
+    while writer is None:  # it can be opened as soon as the command reads it
+        assert process.poll() is None
+        try:
+            writer = os.open(fifo, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:
+            time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=20)
+    _, err = process.communicate(timeout=120)
+    os.close(writer)
     assert process.returncode == 130
     assert err == "swingid: interrupted; nothing was written, so start again.\n"
 

@@ -285,8 +285,9 @@ def test_the_command_finds_the_rig_of_the_result(tmp_path: Path, capsys: pytest.
 
 def test_what_cannot_be_exported_is_refused(tmp_path: Path) -> None:
     result, rig = case(NONE)
-    with pytest.raises(UsageError, match="unknown format"):
+    with pytest.raises(UsageError) as caught:
         export(result, rig, "sdf", tmp_path / "x.sdf")
+    assert caught.value.code == "unknown-format"
     with pytest.raises(InputError, match="refused"):
         export(refusal("momentum", InputError("x", code="y")), rig, "mjcf", tmp_path / "x.xml")
     with pytest.raises(UsageError, match="--rig"):

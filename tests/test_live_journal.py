@@ -163,8 +163,9 @@ def test_a_full_disk_stops_the_journal_and_not_the_run(tmp_path: Path) -> None:
 
 
 def test_a_journal_in_no_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot write"):
+    with pytest.raises(InputError) as caught:
         Journal(tmp_path / "none" / "run.mcap", RIG)
+    assert caught.value.code == "cannot-write"
 
 
 def test_a_journal_is_identified_by_the_rig_file_inside(

@@ -213,7 +213,7 @@ def test_a_drive_that_was_not_logged(method, value):
 
 def test_a_wheel_that_was_not_logged():
     log = wheel()
-    with pytest.raises(InputError, match="wheel angle is constant") as caught:
+    with pytest.raises(InputError) as caught:
         identify(replace(log, wheel_angle=np.zeros(len(log))), PAPER)
     assert caught.value.code == "constant-drive"
 

@@ -175,8 +175,9 @@ def test_refused_draws_are_counted_and_too_many_refuse(monkeypatch: pytest.Monke
     fake(monkeypatch, sometimes(0.8))
     with pytest.raises(UnanswerableError, match="not-identifiable"):
         monte_carlo(log(), rig, "fake", result(1e-6), 400, workers=1)
-    with pytest.raises(UsageError, match="too few"):
+    with pytest.raises(UsageError) as caught:
         monte_carlo(log(), rig, "fake", result(1e-6), 10)
+    assert caught.value.code == "few-draws"
 
 
 def test_summary_json_and_report_have_the_distribution(monkeypatch: pytest.MonkeyPatch) -> None:

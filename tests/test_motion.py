@@ -96,7 +96,7 @@ def test_speed_of_a_wide_smooth_motion_uses_wide_windows():
 
 
 def test_a_noisy_axis_at_rest_has_no_motion():
-    with pytest.raises(UnanswerableError, match="not more than its noise") as caught:
+    with pytest.raises(UnanswerableError) as caught:
         find_motion(TIME, noisy(np.full(len(TIME), 0.3), 1e-3), 1e-3)
     assert caught.value.code == "no-motion"
 
@@ -274,14 +274,14 @@ def test_a_push_ends_the_free_decay():
 def test_few_turning_points_are_no_answer(channel):
     time = np.arange(1000) / 1000
     motion = find_motion(time, np.sin(6 * time), 0.0)
-    with pytest.raises(UnanswerableError, match="swings to and fro") as caught:
+    with pytest.raises(UnanswerableError) as caught:
         usable_part(motion, channel, 0.0, 1.0)
     assert caught.value.code == "no-turning-points"
 
 
 def test_swings_that_only_grow_are_no_free_decay():
     motion = find_motion(TIME, np.exp(TIME / 10) * sine(TIME), 0.0)
-    with pytest.raises(UnanswerableError, match="free decay") as caught:
+    with pytest.raises(UnanswerableError) as caught:
         usable_part(motion, None, 0.0, 20.0)
     assert caught.value.code == "no-free-decay"
 
@@ -294,7 +294,7 @@ def test_a_body_that_a_hand_drives_is_no_free_decay(seed, swings):
     places = np.arange(0.0, 62.0, np.pi / 6.5 * swings)
     amplitude = np.interp(time, places, np.exp(0.3 * rng.normal(size=len(places))))
     motion = find_motion(time, amplitude * np.cos(6.5 * time), 0.0)
-    with pytest.raises(UnanswerableError, match="though nothing drives") as caught:
+    with pytest.raises(UnanswerableError) as caught:
         usable_part(motion, None, 0.0, 60.0)
     assert caught.value.code == "driven-by-hand"
 

@@ -71,8 +71,9 @@ def test_two_runs_in_one_file_are_refused(tmp_path):
     columns = {name: np.concatenate([column, column]) for name, column in columns_of(LOG).items()}
     columns["q1"][1000:] *= -0.7
     columns["t"][1000:] += 0.001
-    with pytest.raises(InputError, match="does not make one run of it"):
+    with pytest.raises(InputError) as caught:
         Recording.load(write_columns(tmp_path / "log.csv", columns), rig_with())
+    assert caught.value.code == "unsorted"
 
 
 def test_copies_of_rows_go_with_a_note(tmp_path):
@@ -95,7 +96,7 @@ def test_a_time_column_with_too_few_digits_is_refused_where_rows_may_be_missing(
     kept = np.delete(np.arange(1000), [300, 301, 302, 303])
     columns = {name: column[kept] for name, column in columns_of(LOG).items()}
     columns["t"] = np.round(columns["t"], 2)
-    with pytest.raises(InputError, match="log the time with more digits") as caught:
+    with pytest.raises(InputError) as caught:
         Recording.load(write_columns(tmp_path / "log.csv", columns), rig_with())
     assert caught.value.code == "repeated-times"
 

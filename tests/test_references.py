@@ -298,8 +298,9 @@ def test_motion_from_a_file(tmp_path) -> None:
     with pytest.raises(InputError, match="4 or more"):
         parse_reference(f"file {path}")
     path.write_text("0,0\n1,1\n1,2\n2,2\n")
-    with pytest.raises(InputError, match="rise strictly"):
+    with pytest.raises(InputError) as caught:
         parse_reference(f"file {path}")
+    assert caught.value.code == "bad-reference-file"
     with pytest.raises(InputError, match="give an existing"):
         parse_reference(f"file {tmp_path / 'none.csv'}")
 

@@ -340,8 +340,9 @@ def test_figures_show_both_runs_as_the_captions_say(runs: dict, figure: int) -> 
 
 
 def test_refusals(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(UsageError, match="seed"):
+    with pytest.raises(UsageError) as caught:
         reproduce(seed=-1)
+    assert caught.value.code == "bad-seed"
     (tmp_path / "file").write_text("")
     (tmp_path / "out" / "index.html").mkdir(parents=True)
     assert main(["reproduce", "--out", str(tmp_path / "out")]) == 3  # before anything is computed

@@ -93,8 +93,9 @@ def test_a_model_that_runs_away_is_said_to(fitted, other):
 
 def test_refusals(fitted, other):
     refused = replace(fitted, parameters={}, status="refused")
-    with pytest.raises(InputError, match="refused"):
+    with pytest.raises(InputError) as caught:
         validate(refused, other, given(RIG))
+    assert caught.value.code == "refused-result"
     mass = replace(fitted, parameters={"inertia": Parameter.of(95.0, 0.5, "kg")})
     with pytest.raises(InputError, match="give the rig of the result"):
         validate(mass, other, given(RIG))

@@ -85,6 +85,7 @@ def test_ctrl_c_before_the_page_is_served(tmp_path):
     assert took < 3.5
 
 
+@pytest.mark.long
 def test_ctrl_c_beside_a_log(tmp_path):
     log = tmp_path / "run.parquet"
     simulate(Rig.load("paper"), parse_reference("sine 0.8 rad 8.5 rad/s"), duration=8.0).save(log)
@@ -147,6 +148,7 @@ def test_ctrl_c_after_a_run_and_in_one_says_what_is_kept(tmp_path, times):
         assert not [pid for pid in processes if lives(pid)]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are counted in /proc")
 def test_no_process_outlives_a_killed_server(tmp_path):
     log = tmp_path / "run.parquet"

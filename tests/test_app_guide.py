@@ -157,6 +157,7 @@ def test_from_a_dropped_file_to_what_is_kept(log, tmp_path):
         assert "bug" not in process.stdout.read()
 
 
+@pytest.mark.long
 def test_what_is_wrong_in_a_rig_file_is_mended_by_a_button(tmp_path):
     t, q = released(0.0, 20.0)
     path, rig = tmp_path / "degrees.csv", tmp_path / "rig.toml"

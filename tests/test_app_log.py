@@ -43,6 +43,7 @@ def shown(text: str) -> float:
     return float(found[1]) * 10.0 ** int(found[2])
 
 
+@pytest.mark.long
 def test_answers_of_all_methods_and_the_effect_of_a_constant(log):
     with served("--log", str(log), "--rig", "paper") as (address, _), browser() as chromium:
         page = chromium.new_page(viewport={"width": 1400, "height": 1000})
@@ -89,6 +90,7 @@ def test_answers_of_all_methods_and_the_effect_of_a_constant(log):
         assert not errors
 
 
+@pytest.mark.long
 def test_a_log_that_is_gone_is_said_on_the_page_and_not_in_the_terminal(log, tmp_path):
     path = tmp_path / "gone.parquet"
     path.write_bytes(log.read_bytes())

@@ -62,6 +62,7 @@ def test_a_server_that_is_killed_in_a_run(tmp_path):
         assert page.get_by_text("stopping").count() == 0
 
 
+@pytest.mark.long
 def test_a_server_that_is_frozen_and_wakes_up(tmp_path):
     with served("--rig", "paper", "--folder", str(tmp_path)) as (address, server), browser() as chromium:
         page = chromium.new_page()
@@ -127,6 +128,7 @@ def test_a_page_that_is_loaded_again_in_a_run_controls_it_still(tmp_path):
         page.get_by_text("at rest, 0 V").wait_for(timeout=SLOW)
 
 
+@pytest.mark.long
 def test_two_pages_that_press_at_once_begin_one_step(tmp_path):
     with served("--rig", "paper", "--folder", str(tmp_path)) as (address, _), browser() as chromium:
         page, other = chromium.new_page(), chromium.new_page()

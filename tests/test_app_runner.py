@@ -154,6 +154,7 @@ def test_a_rehearsal_ends_with_its_server():
     assert time.monotonic() - began < 15  # a loop that is compiled runs to its end, some seconds
 
 
+@pytest.mark.long
 def test_a_run_goes_on_without_its_server_to_its_end(tmp_path):
     out = tmp_path / "run.mcap"
     process = orphan({"kind": "run", "address": "", "rig": "paper", "motion": SINE, "duration": 20.0, "out": str(out)})

@@ -43,6 +43,7 @@ def command(out: str, workers: int) -> list[str]:
     return [sys.executable, "-m", "swingid", "campaign", "plan.toml", "--out", out, "--workers", str(workers)]
 
 
+@pytest.mark.long
 def test_killed_and_started_again_it_ends_with_the_same_bytes_for_any_number_of_workers(tmp_path: Path) -> None:
     (tmp_path / "plan.toml").write_text(PLAN)
     whole = subprocess.Popen(command("whole", 2), cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

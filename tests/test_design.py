@@ -147,6 +147,7 @@ def test_unknown_gravity_takes_two_frequencies():
     assert plan.proposal.prediction.seen.together == ("inertia", "gravity_torque")
 
 
+@pytest.mark.long
 def test_what_cannot_be_reached_names_the_constant():
     with pytest.raises(
         UnanswerableError, match=r"out of reach.*axis\.gravity_torque makes.*know it to \d+ %"

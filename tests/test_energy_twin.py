@@ -128,6 +128,7 @@ def test_rows_lost_at_random():
     assert abs(error(identify(log, rig, "energy"))) < 1e-3
 
 
+@pytest.mark.long
 def test_a_real_free_pendulum(data_dir):
     """Published: 0.003331 kg m² about the axis, by its authors' fit."""
     from pathlib import Path

@@ -78,6 +78,7 @@ def test_reversals_are_in_their_place_though_the_acceleration_jumps_there():
     assert np.sum(late[inside]) == pytest.approx(0.0, abs=1e-9)  # one reversal has no scatter
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "friction", [{"coulomb": 3e-3}, {"coulomb": 1e-2}, {"coulomb_positive": 2e-3, "coulomb_negative": 4e-3}]
 )

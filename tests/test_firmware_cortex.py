@@ -40,6 +40,7 @@ def _installed() -> None:
     image()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cpu", CPUS)
 def test_random_steps_have_the_same_bits(cpu: str) -> None:
     rng, cortex = np.random.default_rng(5), Emulator(cpu=cpu)

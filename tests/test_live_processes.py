@@ -242,6 +242,7 @@ def test_the_link_killed_is_0_volts_in_100_ms_and_the_journal_is_whole(bench: Be
         assert (session.hello.state, session.hello.fault) == (State.FAULT, FaultCode.HEARTBEAT)
 
 
+@pytest.mark.long
 @needs_native
 @pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX")
 def test_the_recorder_killed_does_not_stop_the_loop_and_loses_half_a_second_at_most(
@@ -284,6 +285,7 @@ def test_a_view_that_sleeps_does_not_stop_the_loop(bench: Bench, tmp_path: Path)
     assert done.end.reason is Reason.FINISHED
 
 
+@pytest.mark.long
 @needs_native
 @pytest.mark.skipif(os.name == "nt", reason="SIGSTOP is POSIX")
 def test_a_link_that_hangs_is_killed(bench: Bench, tmp_path: Path) -> None:

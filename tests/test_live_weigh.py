@@ -15,6 +15,7 @@ REFERENCE = "sine 0.8 rad 8.5 rad/s"
 assert live_host.RIG.axis.inertia is not None
 
 
+@pytest.mark.long
 def test_the_papers_body_on_the_emulator(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     inertias = [sw.Rig.load(name).axis.inertia.value for name in ("paper", "paper-body")]
     command = ["weigh", "--rig", "paper", "--loaded", "paper-body", "--reference", REFERENCE]

@@ -210,6 +210,7 @@ def test_a_stream_has_the_entries_too(free: tuple[sw.Recording, sw.Rig], method:
     assert budget["what is not modelled"] == pytest.approx(5e-5 * last.inertia.value, rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["momentum", "equation-error"])
 def test_coverage_where_clock_and_tilts_are_as_the_defaults_say(method: str) -> None:
     # of 14 runs at 95 % by chance 11 or fewer in 0.4 %; where the keys are stated 0 many of these intervals miss

@@ -331,3 +331,45 @@ def test_convert_command(tmp_path, capsys):
     assert main(["convert", str(source), str(source)]) == 2
     assert main(["convert", str(source), str(tmp_path / "log.xls")]) == 3
     assert main(["convert", str(tmp_path / "none.csv"), str(tmp_path / "a.csv")]) == 3
+
+
+def _matlab_v73(path, fill) -> bytes:
+    """A MATLAB v7.3 file: HDF5 behind a block of 512 bytes, with what `fill` puts into it."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path / "log.mat", "w", userblock_size=512) as file:
+        fill(h5py, file)
+    return b"MATLAB 7.3 MAT-file".ljust(512, b"\0") + (path / "log.mat").read_bytes()[512:]
+
+
+def test_recorders_of_dspace_in_matlab_v73_are_read_through_their_references(tmp_path):
+    def fill(h5py, file):
+        time = file.create_dataset("rec/X/Data", data=TIME[:, None])
+        time.attrs["MATLAB_class"] = np.bytes_("double")
+        text = file.create_dataset("rec/X/Name", data=np.array([[ord(letter)] for letter in "time"], dtype="u2"))
+        text.attrs["MATLAB_class"] = np.bytes_("char")
+        signals = [file.create_dataset(f"#refs#/{k}", data=k * ANGLE[:, None]).ref for k in (1, 2)]
+        shape = (2, 1)
+        data = np.array(signals, dtype=object).reshape(shape)
+        file.create_dataset("rec/Y/Data", data=data, dtype=h5py.ref_dtype)
+        names = np.array([text.ref, text.ref], dtype=object).reshape(shape)
+        file.create_dataset("rec/Y/Name", data=names, dtype=h5py.ref_dtype)
+
+    table = read_table(_matlab_v73(tmp_path, fill), "log.mat")
+    assert set(table.columns) == {"rec.X.Data", "rec.Y(1).Data", "rec.Y(2).Data"}
+    np.testing.assert_array_equal(table.numbers("rec.X.Data")[0], TIME)
+    np.testing.assert_array_equal(table.numbers("rec.Y(2).Data")[0], 2 * ANGLE)
+
+
+def test_cells_of_matlab_v73_are_read_and_lead_no_further_than_once(tmp_path):
+    def fill(h5py, file):
+        cells = file.create_dataset("c", (4, 1), dtype=h5py.ref_dtype)
+        cells.attrs["MATLAB_class"] = np.bytes_("cell")
+        inner = file.create_group("#refs#/s")
+        inner.create_dataset("x", data=ANGLE)
+        cells[0, 0] = file.create_dataset("#refs#/t", data=TIME).ref
+        cells[1, 0] = inner.ref
+        cells[2, 0] = cells.ref  # leads back; the fourth leads nowhere
+
+    table = read_table(_matlab_v73(tmp_path, fill), "log.mat")
+    assert set(table.columns) == {"c{1}", "c{2}.x"}
+    np.testing.assert_array_equal(table.numbers("c{2}.x")[0], ANGLE)

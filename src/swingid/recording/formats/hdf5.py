@@ -21,9 +21,17 @@ if TYPE_CHECKING:
 ENDINGS = (".h5", ".hdf5")
 MAGIC = b"\x89HDF\r\n\x1a\n"
 
+MOST_REFERENCES = 1000
+"""Cells or structs with more elements than this are no signals of one log: a recorder has some hundred at most."""
+
+DEPTH = 16
+"""Of groups and references in each other; a damaged file could refer without end."""
+
 
 def read(content: bytes, name: str) -> Table:
     """Data sets as columns: a vector as ``group.dataset``, a matrix as its columns (MATLAB stores them as rows).
+
+    What MATLAB keeps by reference is named as in MATLAB: ``cell{2}``, and ``s(2).field`` of several structs.
 
     Raises InputError for a damaged file, one without vectors, and where h5py is missing.
     """
@@ -60,9 +68,10 @@ def extract(path: str) -> tuple[Columns, str]:
 
 
 def data_sets(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iterator[tuple[str, Any]]:
-    """The data sets of a group (of h5py) and of the groups in it, each with its path.
+    """The data sets of a group (of h5py), of the groups in it and of its references, each with its path.
 
-    Links that lead nowhere are passed over, and groups that contain the one that links to them.
+    Links and references that lead nowhere are passed over, groups and references that contain the one that leads to
+    them, and texts and empty arrays of MATLAB.
     """
     h5py: Any = importlib.import_module("h5py")
     above = (*above, group)
@@ -70,9 +79,34 @@ def data_sets(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iter
         is_link = not isinstance(group.get(key, getlink=True), h5py.HardLink)
         item = group.get(key) if is_link else group[key]
         if isinstance(item, h5py.Dataset):
-            yield prefix + key, item
+            yield from _arrays(item, prefix, key, above)
         elif isinstance(item, h5py.Group) and not key.startswith("#") and item not in above:
             yield from data_sets(item, f"{prefix}{key}.", above)
+
+
+def _arrays(item: Any, prefix: str, key: str, above: tuple[Any, ...]) -> Iterator[tuple[str, Any]]:
+    """A data set called `prefix` + `key`, or those to which it refers: the cells of MATLAB, a field of several structs.
+
+    The field of struct k of `s` is called ``s(k).field``, cell k of `c` ``c{k}``.
+    """
+    h5py: Any = importlib.import_module("h5py")
+    kind = bytes(item.attrs.get("MATLAB_class", b""))
+    if kind == b"char" or "MATLAB_empty" in item.attrs:
+        return
+    if h5py.check_ref_dtype(item.dtype) is not h5py.Reference:
+        yield prefix + key, item
+        return
+    if not item.size or item.size > MOST_REFERENCES or item in above or len(above) > DEPTH:
+        return
+    above = (*above, item)
+    for k, reference in enumerate(item[()].ravel(), start=1):
+        is_field = kind != b"cell" and prefix.endswith(".")
+        name = f"{prefix[:-1]}({k}).{key}" if is_field else f"{prefix}{key}{{{k}}}"
+        target = item.file[reference] if reference else None
+        if isinstance(target, h5py.Dataset):
+            yield from _arrays(target, "", name, above)
+        elif isinstance(target, h5py.Group) and target not in above:
+            yield from data_sets(target, f"{name}.", above)
 
 
 def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:

@@ -77,7 +77,8 @@ def parse_quantity(raw: object, unit: str, key: str) -> Quantity:
     and "78e-3 ± 0.5 % N*m", where the uncertainty is relative to the value), a calculation with such numbers, all
     independent, as "0.107 ± 0.001 kg * 9.81 m/s^2 * 0.23 m" (sums with blanks around + and -), a table
     {value=, std=, unit=} (std in the same unit), or a Quantity. What follows ± is one standard uncertainty. Pure
-    numbers take "%" as a unit, angles rad, deg (°) and turns.
+    numbers take "%" as a unit, angles rad, deg (°) and turns. A decimal comma is read ("1,5 g") unless it could part
+    thousands ("1,134 g"), which is refused.
 
     Raises InputError that names `key`, for text that is no quantity, for values that are not finite, negative
     uncertainties, and units that are unknown or of another dimension. With key "" its message is the predicate
@@ -98,7 +99,30 @@ class _UnusableError(Exception):
         self.message = message
 
 
+_COMMA = re.compile(r"(?<![0-9.,])([0-9]+),([0-9]+)(?![0-9.,])")
+_THOUSANDS = re.compile(r"[1-9][0-9]{0,2},[0-9]{3}")
+
+
+def _with_points(text: str) -> str:
+    """The text with decimal points for decimal commas.
+
+    Raises _UnusableError where each comma could part thousands, or where commas stand beside decimal points.
+    """
+    numbers = [match[0] for match in _COMMA.finditer(text)] if len(text) <= _LONGEST else []
+    if not numbers:
+        return text
+    if all(_THOUSANDS.fullmatch(number) for number in numbers):
+        point, none = numbers[0].replace(",", "."), numbers[0].replace(",", "")
+        raise _UnusableError(
+            "not-a-quantity", f"is {shown(text)}, where the comma may part thousands; write {point} or {none}"
+        )
+    if "." in text:
+        raise _UnusableError("not-a-quantity", f"is {shown(text)}, with points and commas; write decimal points")
+    return _COMMA.sub(r"\1.\2", text)
+
+
 def _read(raw: object, unit: str) -> Quantity:
+    raw = _with_points(raw) if isinstance(raw, str) else raw
     if isinstance(raw, str) and _is_calculation(raw):
         return _Calculation(raw).result(unit)
     if isinstance(raw, Quantity):

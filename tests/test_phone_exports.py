@@ -207,3 +207,11 @@ def test_a_potentiometer_in_volts_needs_a_scale():
     scaled = sw.Rig.from_text(text_of_rig + 'angle_scale = "20 ± 0.2 deg"\nangle_offset = "-50 deg"\n')
     log = sw.Recording.from_columns(columns, scaled)
     assert log.angle == pytest.approx(np.deg2rad(20) * W["z"], abs=1e-3)
+
+
+def test_a_label_merged_down_the_rows_is_left_out():
+    rows: list[list[object]] = [["run", *HEADER]]
+    rows += [["run 1" if k == 0 else "", *numbers] for k, numbers in enumerate(NUMBERS)]
+    table = read_table(workbook({"Sheet": rows}, merged=(f"A2:A{len(rows)}",)), "log.xlsx")
+    assert list(table.columns) == HEADER
+    assert table.numbers("Gyroscope z (rad/s)")[0] == pytest.approx(W["z"])

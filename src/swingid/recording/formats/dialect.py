@@ -210,12 +210,12 @@ def _delimiter(lines: Sequence[bytes]) -> bytes:
     """The one that splits most lines into the same number of cells, and these into numbers; else that of the first."""
 
     def fitness(delimiter: bytes) -> float:
-        """Share of lines with the commonest number of cells, times the share of their cells that are numbers."""
+        """Share of lines with the commonest number of cells, times the share of their filled cells that are numbers."""
         rows = [split_cells(line, delimiter) for line in lines]
         width, count = Counter(map(len, rows)).most_common(1)[0]
-        cells = [cell for row in rows if len(row) == width for cell in row]
+        cells = [cell for row in rows if len(row) == width for cell in row if cell.strip()]
         numbers = sum(is_value(cell, ".") or is_value(cell, ",") for cell in cells)
-        return count / len(rows) * (1 + numbers / len(cells)) if width > 1 else 0.0
+        return count / len(rows) * (1 + numbers / max(len(cells), 1)) if width > 1 else 0.0
 
     fit = {delimiter: fitness(delimiter) for delimiter in (*DELIMITERS, b" ")}
     best = max(fit, key=lambda delimiter: fit[delimiter])

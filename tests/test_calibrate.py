@@ -8,6 +8,7 @@ import pytest
 
 from motor_logs import BLANK, ETA, OFF, PAPER, PRODUCTS, TRUE, clamped, given, multisine
 from swingid.calibration.motor import calibrate
+from swingid.cli import main
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError
 from swingid.identification import identify
@@ -314,6 +315,19 @@ def test_calibration_mends_the_energy_method(tmp_path):
     assert abs(before) > 0.03
     assert abs(after.value / INERTIA - 1) < 0.003
     assert after.interval95[0] <= INERTIA <= after.interval95[1]
+
+
+def test_out_says_when_the_rig_file_is_unchanged(tmp_path, capsys):
+    """A free swing without a known gravity torque gives b/a11 alone, which is no constant of a rig file."""
+    text = 'name = "free"\n[axis]\nkind = "rotary"\ngravity_torque = "unknown"\n[drive]\nkind = "none"\n'
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
+    time = np.arange(4000) / 200
+    angle = 0.3 * np.exp(-0.02 * time) * np.cos(5 * time)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([time, angle]), delimiter=",", header="t,q1", comments="")
+    log, rig, out = (str(tmp_path / name) for name in ("a.csv", "rig.toml", "new.toml"))
+    assert main(["calibrate", log, "--rig", rig, "--out", out]) == 0
+    assert (tmp_path / "new.toml").read_text(encoding="utf-8") == text
+    assert "unchanged" in capsys.readouterr().err
 
 
 def test_an_error_of_the_wheel_cancels_in_the_energy_method():

@@ -16,6 +16,7 @@ from swingid.cli.output import (
     check_writable,
     hand_over,
     refusals_to,
+    say,
 )
 from swingid.cli.progress import Progress
 from swingid.errors import UsageError
@@ -64,8 +65,10 @@ def calibrate(
     laboratory = check_report(report, certificate)
     provenance: dict[str, object] = {"log": logs[0], "logs": logs, "rig_source": rig}
     with refusals_to(json, "calibrate-encoders" if encoders else "calibrate", provenance):
-        found = _calibrate(logs, rig, encoders, out, json, report, laboratory)
+        found, is_changed = _calibrate(logs, rig, encoders, out, json, report, laboratory)
     hand_over(found.result, json, out, report)
+    if out is not None and not is_changed:
+        say(f"{out} is {rig} unchanged: these logs determine no constant that a rig file has")
 
 
 def _calibrate(
@@ -76,8 +79,8 @@ def _calibrate(
     json: str | None,
     report: str | None,
     laboratory: Stated | None,
-) -> Calibration | EncoderCalibration:
-    """From files to the calibration, its rig file and its report."""
+) -> tuple[Calibration | EncoderCalibration, bool]:
+    """From files to the calibration, its rig file and its report; and whether that rig file differs from the old."""
     check_writable(out, json, report)
     from swingid.calibration.encoders import calibrate_encoders
     from swingid.calibration.motor import calibrate as of_motor
@@ -98,4 +101,4 @@ def _calibrate(
         from swingid.report import write_report
 
         write_report(found.result, recordings[0], plant, Path(report), laboratory)
-    return found
+    return found, found.rig.text != plant.text

@@ -361,3 +361,28 @@ def test_a_log_that_identify_refuses_is_not_ready() -> None:
         sw.identify(sw.Recording.from_table(Table({"t": time, "q": angle, "u": np.zeros_like(time)}), rig), rig)
     assert found.verdict.status == "unusable"
     assert found.check(refused.value.code).title == "identify"
+
+
+def edges(per_turn: int, tick: float) -> Columns:
+    """A row per edge of an encoder: time in ticks, and the count. The small swings decay with 38 1/s² and 0.02 1/s."""
+    time = np.arange(0, 60, 2e-5)
+    angle = 0.05 + 0.4 * np.exp(-0.01 * time) * np.cos(np.sqrt(38 - 1e-4) * time)
+    count = np.floor(angle * per_turn / (2 * np.pi))
+    at = np.flatnonzero(np.diff(count)) + 1
+    return {"timer_ticks": np.round(time[at] / tick), "counts": count[at]}
+
+
+def test_a_row_per_edge_is_no_row_lost_and_a_tick_has_the_time_that_is_stated(tmp_path) -> None:
+    log = Table(edges(2400, 0.5e-6))
+    guess = inspect_table(log, None)
+    assert '# time_unit = "0.5 us"' in guess.table
+    assert guess.verdict.status != "ready"  # the tick is not stated
+    text = (
+        'name = "edges"\n[axis]\nkind = "rotary"\ngravity_torque = "unknown"\n[drive]\nkind = "none"\n[sensors]\n'
+        'counts_per_turn = 2400\n[log]\ntime = "timer_ticks"\ntime_unit = "0,5 us"\nangle = "counts"\n'
+        'angle_unit = "counts"\n'
+    )
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
+    found = inspect_table(log, sw.Rig.load(str(tmp_path / "rig.toml")))
+    assert found.check("gaps").values["lost"] == 0
+    assert found.check("motion").values["half_period"] == pytest.approx(np.pi / np.sqrt(38), rel=0.01)

@@ -21,11 +21,11 @@ import numpy as np
 from swingid.errors import SwingidError, UnanswerableError
 from swingid.identification import identify
 from swingid.model.rig import Rig
+from swingid.model.rig.fields import SECONDS
 from swingid.numerics.arrays import Array
 from swingid.pooling.selected import in_parts, releases
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
-from swingid.recording.conventions import SECONDS
 from swingid.recording.formats import read_table
 from swingid.recording.inspect import describe, guess_roles
 from swingid.recording.large import first_rows, is_large

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.model.rig.fields import stated
+from swingid.model.rig.fields import seconds, stated
 from swingid.model.rig.tables import LogConventions
 from swingid.recording.findings import Finding
 from swingid.recording.points import ANGLE
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 
 
 TURN = 2.0 * np.pi
-
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Seconds per unit of the time."""
 
 #: Column names of a file written without a rig, which are also the defaults of [log].
 DEFAULT_COLUMNS = {
@@ -136,7 +133,7 @@ class Conventions:
             zero = -log.angle_sign * unit * log.angle_zero
         angle = Scale(log.angle_sign * unit, zero, turn)
         scales = {"angle": angle, "reference": Scale(angle.factor, zero, turn)}
-        scales["time"] = Scale(SECONDS[log.time_unit] / (1 + log.clock.value))
+        scales["time"] = Scale(seconds(log.time_unit) / (1 + log.clock.value))
         scales["voltage"] = Scale(log.voltage_sign * log.voltage_scale.value)
         scales["torque"] = Scale(log.torque_gain.value * log.torque_sign)
         if kind == "reaction-wheel":

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.recording.conventions import SECONDS, Conventions, Scale
+from swingid.model.rig.fields import SECONDS
+from swingid.recording.conventions import Conventions, Scale
 from swingid.recording.findings import Finding
 from swingid.spellings import canonical
 

@@ -140,6 +140,33 @@ def choice_or_number(*choices: str) -> PlainValidator:
     return PlainValidator(read)
 
 
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Seconds per unit of the time."""
+
+
+def seconds(unit: str) -> float:
+    """Seconds per unit of the time: of a name in `SECONDS`, or of a tick that is stated as a time, "0.5 us"."""
+    return SECONDS[unit] if unit in SECONDS else parse_quantity(unit, "s", "").value
+
+
+def unit_of_time(raw: object) -> str:
+    """The unit of a clock: a name in `SECONDS`, or the time of a tick as text with a unit."""
+    if isinstance(raw, str) and raw in SECONDS:
+        return raw
+    problem = f"must be 's', 'ms', 'us', 'ns', or the time of a tick such as \"0.5 us\", not {shown(raw)}"
+    if not isinstance(raw, str) or not raw.strip()[-1:].isalpha():
+        refuse("wrong-value", problem)
+    try:
+        tick = parse_quantity(raw, "s", "")
+    except InputError:
+        refuse("wrong-value", problem)
+    if tick.value <= 0:
+        refuse("wrong-value", problem)
+    if tick.std is not None:
+        refuse("wrong-value", f"is {shown(raw)}; state the uncertainty of the clock as clock, without it here")
+    return raw
+
+
 def two_columns(raw: object) -> tuple[str, str]:
     """The names of two columns, of x and y."""
     if isinstance(raw, list | tuple) and len(raw) == 2 and all(isinstance(one, str) and one for one in raw):

@@ -27,6 +27,7 @@ from swingid.model.rig.fields import (
     stated,
     two_columns,
     two_columns_or_place,
+    unit_of_time,
 )
 from swingid.model.rig.gravity import weighed
 from swingid.model.rig.suspension import Bifilar, Suspension, Trifilar
@@ -227,6 +228,7 @@ class LogConventions(Table):
     `wheel_speed` replaces the wheel's angle. A rate is that at its row, the mean since the row before, or held until
     the next one. Torque (force) = torque_sign * torque_gain * column. bridge: column that is 0 while that of a motor on
     the axis is open, so that no current flows; supply: column of its supply (V), of which `voltage` then is the share.
+    time_unit is "s", "ms", "us", "ns" or the time of a tick of the clock, "0.5 us".
     clock: relative deviation of the log's clock, positive where it is fast. point: columns of x and y of a mark on the
     body, from which the angle is made; pivot: columns of a second mark, on the body or on the pivot, or its place,
     without which it is fitted; skip_rows, comment: lines of text before the header, and the mark of lines that are
@@ -234,7 +236,7 @@ class LogConventions(Table):
     """
 
     time: Column = "t"
-    time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    time_unit: Annotated[str, PlainValidator(unit_of_time)] = "s"
     rate: Annotated[float, plain_number("Hz", above=0)] | None = None
     angle: Column = "q1"
     angle_unit: Literal["rad", "deg", "turns", "counts", "m", "mm"] = "rad"

@@ -80,6 +80,14 @@ def is_gyroscope(name: str) -> bool:
     return GYROSCOPE.search(re.sub(r"[\[(].*?[\])]", "", name).strip()) is not None
 
 
+TICKS = frozenset(("tick", "ticks", "cycle", "cycles", "cnt", "count", "counts"))
+
+
+def counts_ticks(name: str) -> bool:
+    """Whether a column of the time is called ticks or cycles of a timer, which may have any length, without a unit."""
+    return unit_of(name, "") not in TIMES and not TICKS.isdisjoint(words_of(name))
+
+
 def is_no_motion(candidate: Candidate) -> bool:
     """Whether a column is of an accelerometer or a magnetometer, by its name or unit."""
     unit = candidate.unit.replace("²", "^2").replace("µ", "u").lower()

@@ -51,12 +51,18 @@ UNEVEN = 0.2
 """Robust standard deviations of the steps, in steps: rows are even below the first, very uneven above the second."""
 
 
+FEW_TURNS = 0.5
+"""Share of rows at which a count turns, below which it follows a motion; a bit that toggles turns at all of them."""
+
+
 @dataclass(frozen=True, eq=False)
 class Clock:
     """The time column in s. step: mean of the usual rising steps. jitter: robust standard deviation of the steps, s.
 
     gaps: number of steps beyond 1.5 usual ones; longest: the longest step; lost: rows that would fill the gaps.
-    repeated: rows with the time of the row before, copies of them alike in every column; backwards: steps back.
+    edges: whether a column counts by one from row to row, to and fro: a row per edge of an encoder, where a long step
+    is a slow motion and no row is lost. repeated: rows with the time of the row before, copies of them alike in every
+    column; backwards: steps back.
     stamps (n,): time of each row, s.
     """
 
@@ -69,6 +75,7 @@ class Clock:
     repeated: int
     copies: int
     backwards: int
+    edges: bool = False
 
     @property
     def rate(self) -> float:
@@ -96,17 +103,30 @@ def read_clock(stamps: Array, columns: list[Column]) -> Clock:
         if len(column.values) == len(stamps):
             before, after = column.values[repeated], column.values[repeated + 1]
             copies &= (before == after) | (np.isnan(before) & np.isnan(after))
+    edges = any(len(column.values) == len(stamps) and _counts_edges(column) for column in columns)
+    lost = int(np.sum(np.floor(np.minimum(gaps / usual, COUNTED) + 0.3) - 1)) if gaps.size and not edges else 0
     return Clock(
         stamps=stamps,
         step=float(np.mean(regular)) if regular.size else 0.0,  # the median of rounded stamps is rounded, too
         jitter=1.4826 * float(np.median(np.abs(regular - usual))) if regular.size else 0.0,
         gaps=int(gaps.size),
         longest=float(rising.max(initial=0.0)),
-        lost=int(np.sum(np.floor(np.minimum(gaps / usual, COUNTED) + 0.3) - 1)) if gaps.size else 0,
+        lost=lost,
         repeated=int(repeated.size),
         copies=int(np.count_nonzero(copies)),
         backwards=int(np.count_nonzero(steps < 0)),
+        edges=edges,
     )
+
+
+def _counts_edges(column: Column) -> bool:
+    """Whether whole numbers go up and down by one from row to row, and stay only where the direction changes."""
+    if column.kind != "whole numbers":
+        return False
+    steps = np.diff(column.values)
+    return bool(
+        NEARLY_ALL * steps.size < np.count_nonzero(np.abs(steps) == 1) and (steps > 0).any() and (steps < 0).any()
+    ) and bool(np.mean(np.diff(np.sign(steps)) != 0) < FEW_TURNS)
 
 
 def check_clock(clock: Clock, name: str) -> list[Check]:
@@ -136,7 +156,8 @@ def check_clock(clock: Clock, name: str) -> list[Check]:
         text = f"{clock.gaps} {'step is' if clock.gaps == 1 else 'steps are'} longer than {GAP:g} usual ones"
         text += f", the longest {clock.longest:.4g} s"
         share = clock.lost / (rows + clock.lost)
-        text += f"; {clock.lost} rows ({share:.2%}) seem lost." if clock.lost else "; no rows seem lost."
+        none = "a row per edge of the encoder, none is lost." if clock.edges else "no rows seem lost."
+        text += f"; {clock.lost} rows ({share:.2%}) seem lost." if clock.lost else f"; {none}"
         found.append(Check("gaps", "gaps", "note", text, "", {"gaps": clock.gaps, "lost": clock.lost}))
     if clock.repeated:
         text = f"{clock.repeated} rows have the time of the row before, {clock.copies} of them are copies of it"

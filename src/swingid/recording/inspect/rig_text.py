@@ -13,6 +13,7 @@ import numpy as np
 from swingid.errors import SwingidError
 from swingid.model.rig import Rig
 from swingid.recording.grid import TURN, is_decimal
+from swingid.recording.inspect.candidates import counts_ticks
 
 if TYPE_CHECKING:
     from swingid.recording.inspect.candidates import Role
@@ -32,7 +33,10 @@ def log_table(roles: Roles) -> str:
         lines.append(_line("# rate = 1000", f"{frames} per second: no column rises as a clock does, so state it"))
     else:
         lines.append(_column("time", time))
-        if time.unit != "s":
+        if counts_ticks(time.column):
+            text = "of a tick: no log determines it, and identify needs it (here of a timer of 2 MHz)"
+            lines.append(_line('# time_unit = "0.5 us"', text))
+        elif time.unit != "s":
             lines.append(_line(f'time_unit = "{time.unit}"', "of the clock"))
     lines.append(
         _line('# clock = "0 ± 100 ppm"', "by how much the clock is fast; this is taken where it is not stated")

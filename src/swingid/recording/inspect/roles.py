@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.recording.conventions import SECONDS
+from swingid.model.rig.fields import SECONDS
 from swingid.recording.grid import TURN
 from swingid.recording.inspect import candidates as traits
 from swingid.recording.inspect.candidates import Candidate, Role

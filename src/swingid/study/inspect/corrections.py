@@ -12,11 +12,12 @@ from swingid.checks.closure import CLOSES
 from swingid.errors import SwingidError
 from swingid.format import percent
 from swingid.model.rig import Rig
+from swingid.model.rig.fields import SECONDS
 from swingid.preparation.noise import channel_noise
-from swingid.recording.conventions import SECONDS
 from swingid.recording.formats.table import Table
 from swingid.recording.grid import TURN
 from swingid.recording.inspect import Check, Column
+from swingid.recording.inspect.candidates import counts_ticks
 from swingid.recording.inspect.columns import steps_seen, unit_of_steps
 from swingid.recording.inspect.roles import FASTEST, SLOWEST
 from swingid.recording.recording import Recording, Source
@@ -70,6 +71,8 @@ def unit_of_clock(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tupl
     name = table.find(rig.log.time) if rig.log.rate is None else None
     if name is None or table.unit(name) or columns[name].kind not in ("numbers", "whole numbers"):
         return {}, []
+    if counts_ticks(name) or rig.log.time_unit not in SECONDS:
+        return {}, []  # a tick is any time: what its rig file states holds
     steps = np.diff(columns[name].values)
     steps = steps[steps > 0]
     rates = {unit: 1 / (float(np.median(steps)) * factor) for unit, factor in SECONDS.items()} if steps.size else {}

@@ -17,10 +17,11 @@ from swingid.errors import SwingidError
 from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.model.rig.drive import CHANNELS
+from swingid.model.rig.fields import SECONDS, seconds
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.push import without_pushes
 from swingid.preparation.reference import in_units
-from swingid.recording.conventions import SECONDS, Conventions
+from swingid.recording.conventions import Conventions
 from swingid.recording.formats import read_table
 from swingid.recording.formats.csv import without_lines
 from swingid.recording.formats.table import Table
@@ -270,7 +271,7 @@ def _clock(
     if rig is not None:
         rate, name = rig.log.rate, table.find(rig.log.time)
         stated = canonical(table.unit(name)) if name is not None else ""
-        factor = SECONDS.get(stated, SECONDS[rig.log.time_unit])
+        factor = SECONDS[stated] if stated in SECONDS else seconds(rig.log.time_unit)
     elif name is not None:
         factor = SECONDS[roles.found["time"].unit]
     rows = max((len(column.values) for column in columns.values()), default=0)

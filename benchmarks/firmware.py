@@ -16,7 +16,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 WARM = 20
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "firmware")]
 
 from live_host import BOARD, PARAMETERS, Driver, arm_frame, parameter_frames, reference_frames  # noqa: E402
 from swingid.live.codes import State  # noqa: E402
@@ -48,10 +48,11 @@ def samples_per_second(device: Any, count: int) -> float:
 
 def levels() -> dict[str, Callable[[], Any]]:
     """Makers of the device of each level."""
+    from test_firmware_process import NativeDevice
+
     from firmware_build import CoreDevice
     from firmware_emulator import Emulator
     from firmware_qemu import Emulated
-    from test_firmware_process import NativeDevice
 
     return {
         "machine in Python": lambda: Machine(BOARD),

@@ -50,6 +50,20 @@ TWO_TONES = Sines((0.5, 8.5, 0.0), (0.4, 5.3, 1.0))
 ONE_TONE = Sines((0.8, 8.5, 0.0))
 
 
+TIME = np.arange(12_001) / 1000
+SMOOTH_MOTOR: dict[str, object] = {"drive.motor.coulomb": 0.0, "drive.motor.dead_zone": [0.0, 0.0]}
+
+LAWS: dict[str, Friction] = {
+    "none": lambda v: 0.0 * v,
+    "viscous": lambda v: 1.144e-3 * v,
+    "eight times viscous": lambda v: 9.152e-3 * v,
+    "Coulomb": lambda v: 5e-4 * v + 3e-3 * np.sign(v),
+    "quadratic": lambda v: 2e-4 * v + 3e-4 * v * np.abs(v),
+    "direction-dependent": lambda v: np.where(v > 0, 1.7e-3, 0.6e-3) * v,
+}
+"""Friction laws within the basis of the fit."""
+
+
 def integrals(function: Callable[[Array], Array], time: Array, breaks: Array) -> tuple[Array, Array]:
     """∫ and ∬ of `function` from the first stamp, at the stamps, by ten Gauss points between stamps and `breaks`."""
     grid = np.unique(np.concatenate([time, breaks]))
@@ -88,6 +102,33 @@ def wheel_log(rig: Rig, motion: Sines, friction: Friction, time: Array) -> Recor
     angle = motion(time)
     loads = twice_integrated(load, time, motion.reversals(time[0], time[-1]))
     return Recording(time=time, angle=angle, wheel_angle=0.7 + 3.0 * time - (a11 * angle + loads) / a12)
+
+
+def motor_log(
+    rig: Rig, motion: Sines, friction: Friction, time: Array = TIME, spin: float = 0.0, late: float = 0.0
+) -> Recording:
+    """Wheel angle and voltage that rows (I) and (II) ask for when the axis moves as `motion`; voltage as measured.
+
+    spin: speed of the wheel (rad/s) beside what the motion needs. late: angles and voltage are those so much later.
+    """
+    motor, a12, a22 = rig.drive.motor, rig.drive.a12, rig.drive.a22
+    b, gear = 78e-3, motor.gear_ratio.value
+    a11 = INERTIA + rig.drive.wheel.inertia.value + motor.rotor_inertia.value
+
+    def load(t: Array) -> Array:
+        return b * np.sin(motion(t)) + friction(motion(t, 1))
+
+    t = time + late
+    start = time[0] - 0.01
+    once, twice = (x[1:] for x in integrals(load, np.concatenate([[start], t]), motion.reversals(start, t[-1])))
+    wheel = spin * t - (a11 * motion(t) + twice) / a12
+    rate = spin - (a11 * motion(t, 1) + once) / a12
+    inertial = a12 * motion(t, 2) - a22 * (a11 * motion(t, 2) + load(t)) / a12
+    torque = inertial / gear + motor.viscous.value * gear * rate + motor.coulomb.value * np.sign(rate)
+    low, high = motor.dead_zone
+    ideal = torque + np.where(torque > 0, high, low)
+    voltage = (ideal / motor.efficiency.value + motor.back_emf.value * rate) / motor.torque_per_volt.value
+    return Recording(time=time, angle=motion(t), wheel_angle=wheel, voltage=voltage, drive_held=False)
 
 
 def direct_rig(linear: bool = False, **changes: object) -> Rig:

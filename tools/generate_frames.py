@@ -1,8 +1,8 @@
 """Write firmware/core/frames.h and frames.c from src/swingid/live/swingid.dbc.
 
 Own few lines in place of cantools' generator: that makes one named number of each element of an array and 2700 lines
-of shifts and masks, where every field here is a whole number of bytes. `tests/test_live_frames.py` compares what both
-put into a frame, and that the files are those of the schema.
+of shifts and masks, where every field here is a whole number of bytes. `tests/live/test_live_frames.py` compares
+what both put into a frame, and that the files are those of the schema.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
     python tools/list_kernels.py [TASK …]
 
 Each task runs once in a process of its own with an empty cache of kernels. Run it again when kernels or what they are
-called with have changed; `tests/test_compile.py` fails where the list names what does not exist, or misses a kernel.
+called with have changed; `tests/numerics/test_compile.py` fails where the list names what does not exist, or misses a
+kernel.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@
 /* Bytes per second taken from the host; what comes faster waits, so that no flood keeps the device from its samples. A
  * host sends less: 12 Reference messages, a heartbeat, Run and what it repeats are 960 bytes in a turn of 5 ms, that is
  * 192 kB/s, and a line of 1 Mbaud carries 100 kB/s. A byte costs a Cortex-M3 170 instructions at worst (those of Who,
- * with the answer; tests/test_firmware_cortex.py counts them), so 34 million a second: a fifth of 168 MHz. */
+ * with the answer; tests/firmware/test_firmware_cortex.py counts them), so 34 million a second: a fifth of 168 MHz. */
 #define SWINGID_MOST_TAKEN 200000
 
 /* Bytes taken in a sample at least: the longest message, so that a fast board gets its reference. */

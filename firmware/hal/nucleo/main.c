@@ -10,7 +10,7 @@
  * debugger's crystal, which the inertia found is only as good as: the internal oscillator is off by 1 % and more.
  * Without it the board does not start, and where it fails in a run the bridge is off and the watchdog resets the board.
  * Doubles and floats are computed without the processor's unit for floats, so that every bit is that of the other
- * builds of the core (`make nucleo SINGLE=1` is the one that is not); tests/test_nucleo.py executes the image and counts
+ * builds of the core (`make nucleo SINGLE=1` is the one that is not); tests/firmware/test_nucleo.py executes the image and counts
  * what a sample costs.
  */
 #include "encoders.h"
@@ -50,7 +50,7 @@
 #elif defined(__clang__)
 #define MOST_ORDER 2 /* its doubles take half as long again as gcc's */
 #else
-#define MOST_ORDER 3 /* tests/test_nucleo.py: order 4 costs more than a sample has */
+#define MOST_ORDER 3 /* tests/firmware/test_nucleo.py: order 4 costs more than a sample has */
 #endif
 #endif
 #define PWM_STEPS 9000u /* 20 kHz of 180 MHz */
@@ -143,7 +143,7 @@ static void clocks(void) {
 }
 
 /* TIM1 makes 20 cycles of the PWM a sample, the first ends 15 us after its begin: a voltage of a controller of order 1 is
- * there between 70 and 112 us (tests/test_nucleo.py) and so begins at 115 us in each sample. */
+ * there between 70 and 112 us (tests/firmware/test_nucleo.py) and so begins at 115 us in each sample. */
 static void timers(void) {
     REGISTER(TIM2 + 0x28) = 89; /* 90 MHz / 90 */
     REGISTER(TIM2 + 0x2C) = 0xFFFFFFFFu;

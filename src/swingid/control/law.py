@@ -3,7 +3,7 @@
 `compensator_step` is the controller of the twin's compiled loop and of `Compensator.step` alike. State and
 parameters are flat arrays whose places are named here and made by `Compensator`. `firmware/core/compensator.c`
 computes the same sums in the same order; no function of a mathematical library, whose last bits differ from machine
-to machine, is used in either (`tests/test_firmware_controller.py`).
+to machine, is used in either (`tests/firmware/test_firmware_controller.py`).
 
 With the error e held, (16) is xi' = sigma(t) (A xi + B e) with a constant companion matrix A. All sigma(t)
 A commute, so the move over a sample is exp(A s), s the integral of sigma, however sigma varies; the rest

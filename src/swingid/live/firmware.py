@@ -36,7 +36,7 @@ class Timing:
 
 
 IMAGES = {"nucleo": Timing(axis=6e-6, wheel=13e-6, voltage=115e-6, age=145e-6, unsure=3e-5, jitter=2.6e-5)}
-"""Boards with an image, see `firmware/README.md`; their instants are those that `tests/test_nucleo.py` counts.
+"""Boards with an image, see `firmware/README.md`; their instants are those that `tests/firmware/test_nucleo.py` counts.
 
 An AS5048A needs 0.1 ms for an angle and makes one every 0.09 ms by its own clock (data sheet: propagation delay,
 sampling rate), so the one that is read is 0.1 to 0.19 ms old, each alike. Its delay differs by 10 % from part to part.

@@ -1,9 +1,9 @@
 """The state machine of a device: frames in, one sample after the other, frames out.
 
 idle → armed → running → stopping → idle; a fault is latched until Clear. The reference implementation:
-``firmware/core/device.c`` makes the same decisions and the same bytes (`tests/test_live_machine.py`). A board, or the
-twin in its place, calls `receive` with what came from the host, `tick` once per sample, applies the voltage that it
-returns, and sends what `output` gives.
+``firmware/core/device.c`` makes the same decisions and the same bytes (`tests/live/test_live_machine.py`). A board, or
+the twin in its place, calls `receive` with what came from the host, `tick` once per sample, applies the voltage that
+it returns, and sends what `output` gives.
 """
 
 from __future__ import annotations

@@ -236,7 +236,7 @@ def test_the_page_of_commands_begins_with_all_of_them() -> None:
     from swingid.cli.app import app
 
     page = (Path(__file__).parents[2] / "docs" / "cli.md").read_text(encoding="utf-8")
-    named = re.findall(r"^    swingid (\w+)", page.partition("\n## ")[0], re.M)
+    named = re.findall(r"\[`(\w+)`\]\(#\1\)", page.partition("\n## ")[0])
     there = [one.callback.__name__ for one in app.registered_commands if one.callback and not one.hidden]
     assert sorted(named) == sorted(there)
     for name in there:

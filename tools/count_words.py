@@ -1,0 +1,78 @@
+"""Words of the documentation, per page: `python tools/count_words.py [page …]`.
+
+A word holds a letter or a digit. *Hand-written* is README.md, CONTRIBUTING.md, SECURITY.md, docs/*.md and
+examples/*.md without what tools write: docs/errors.md, docs/modules.md, blocks from `<!-- name: part -->` to
+`<!-- end -->`. *Prose* is what of it stands outside tables, code and equations. A sentence is a run of prose up to
+its stop; items of a list and headings end one too.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+GENERATED = ("docs/errors.md", "docs/modules.md")
+WRITTEN_BY_TOOLS = re.compile(r"^<!-- [\w]+: .*?^<!-- end -->", re.M | re.S)
+CODE = re.compile(r"^([ ]*)```.*?^\1```[ ]*$|^\n(?:    (?![-*] |\d+\. )[^\n]*\n)+", re.M | re.S)
+EQUATION = re.compile(r"\$\$.*?\$\$", re.S)
+TABLE = re.compile(r"^[ ]*\|.*$", re.M)
+HEADING = re.compile(r"^#+ .*$", re.M)
+TARGET = re.compile(r"(?<=\])\([^)\s]+\)|<!--.*?-->")
+STOP = re.compile(r"[.?!](?:[)\"”’*_`]*)\s+|\n\s*\n|\n\s*(?:[-*]|\d+\.) ")
+
+
+class Page(NamedTuple):
+    """Counts of one page: words by hand, words of prose, words of each sentence of the prose."""
+
+    written: int
+    prose: int
+    sentences: list[tuple[int, str]]
+
+
+def pages() -> list[Path]:
+    """The pages that people write."""
+    top = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")]
+    found = [*top, *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "examples").glob("*.md"))]
+    return [page for page in found if str(page.relative_to(ROOT)) not in GENERATED]
+
+
+def words(text: str) -> int:
+    """Words of a text; targets of links are none."""
+    return sum(any(sign.isalnum() for sign in word) for word in TARGET.sub("", text).split())
+
+
+def count(text: str) -> Page:
+    """The counts of a page's text."""
+    written = WRITTEN_BY_TOOLS.sub("", text)
+    prose = written
+    for other in (CODE, EQUATION, TABLE):
+        prose = other.sub("\n", prose)
+    sentences = [
+        (words(part), " ".join(part.split())) for part in STOP.split(HEADING.sub("\n\n", prose)) if words(part)
+    ]
+    return Page(words(written), words(prose), sentences)
+
+
+def main(names: list[str]) -> None:
+    """One line per page; with names of pages, their sentences above 25 words too."""
+    chosen = [ROOT / name for name in names] or pages()
+    counted = {page: count(page.read_text(encoding="utf-8")) for page in chosen}
+    for page, found in counted.items():
+        lengths = [length for length, _ in found.sentences] or [0]
+        print(
+            f"{found.written:6d} {found.prose:6d} {sum(lengths) / len(lengths):5.1f} {max(lengths):4d} "
+            f"{sum(length > 25 for length in lengths):4d}  {page.relative_to(ROOT)}"
+        )
+        if names:
+            for length, sentence in found.sentences:
+                if length > 25:
+                    print(f"    {length}: {sentence}")
+    written, prose = (sum(getattr(page, name) for page in counted.values()) for name in ("written", "prose"))
+    print(f"{written:6d} {prose:6d}  words, prose, words a sentence, longest, sentences above 25 words")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

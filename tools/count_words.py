@@ -1,9 +1,10 @@
 """Words of the documentation, per page: `python tools/count_words.py [page …]`.
 
 A word holds a letter or a digit. *Hand-written* is README.md, CONTRIBUTING.md, SECURITY.md, docs/*.md and
-examples/*.md without what tools write: docs/errors.md, docs/modules.md, blocks from `<!-- name: part -->` to
-`<!-- end -->`. *Prose* is what of it stands outside tables, code and equations. A sentence is a run of prose up to
-its stop; items of a list and headings end one too.
+examples/*.md without what programs write: docs/errors.md, docs/modules.md, blocks from `<!-- name: part -->` to
+`<!-- end -->`, and blocks of ```text, which are what the command or the code above them prints. *Prose* is what of it
+stands outside tables, code and equations. A sentence is a run of prose up to its stop; items of a list and headings
+end one too. A span of code or a formula counts as one word of a sentence.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 GENERATED = ("docs/errors.md", "docs/modules.md")
-WRITTEN_BY_TOOLS = re.compile(r"^<!-- [\w]+: .*?^<!-- end -->", re.M | re.S)
+PRINTED = re.compile(r"^<!-- [\w]+: .*?^<!-- end -->|^```text\n.*?^```$", re.M | re.S)
 CODE = re.compile(r"^([ ]*)```.*?^\1```[ ]*$|^\n(?:    (?![-*] |\d+\. )[^\n]*\n)+", re.M | re.S)
 EQUATION = re.compile(r"\$\$.*?\$\$", re.S)
 TABLE = re.compile(r"^[ ]*\|.*$", re.M)
 HEADING = re.compile(r"^#+ .*$", re.M)
+SPAN = re.compile(r"`[^`\n]+`|\$[^$\n]+\$")
 TARGET = re.compile(r"(?<=\])\([^)\s]+\)|<!--.*?-->")
 STOP = re.compile(r"[.?!](?:[)\"”’*_`]*)\s+|\n\s*\n|\n\s*(?:[-*]|\d+\.) ")
 
@@ -46,13 +48,12 @@ def words(text: str) -> int:
 
 def count(text: str) -> Page:
     """The counts of a page's text."""
-    written = WRITTEN_BY_TOOLS.sub("", text)
+    written = PRINTED.sub("", text)
     prose = written
     for other in (CODE, EQUATION, TABLE):
         prose = other.sub("\n", prose)
-    sentences = [
-        (words(part), " ".join(part.split())) for part in STOP.split(HEADING.sub("\n\n", prose)) if words(part)
-    ]
+    parts = STOP.split(HEADING.sub("\n\n", prose))
+    sentences = [(words(SPAN.sub("x", part)), " ".join(part.split())) for part in parts if words(part)]
     return Page(words(written), words(prose), sentences)
 
 

@@ -44,6 +44,7 @@ kind = "reaction-wheel"
 inertia = {WHEEL}
 tilt = 0
 [drive.motor]
+rotor_inertia = 0
 torque_per_volt = {GAIN}
 back_emf = {BACK_EMF}
 viscous = {LOSS}

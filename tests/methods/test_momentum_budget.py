@@ -77,6 +77,19 @@ def test_constants_and_friction(log, key):
         assert type_b(result, name)[key].sensitivity == pytest.approx(slope, rel=0.02)
 
 
+@pytest.mark.parametrize("left_out", ["drive.motor.rotor_inertia", "drive.motor"])
+def test_a_rotor_of_which_nothing_is_stated_is_uncertain(log, left_out):
+    """The paper's rotor, geared 4.4, has 8 % of the coupling: the interval holds the inertia, and the key is named."""
+    found = identify(log, exact_rig().changed({left_out: None}))
+    low, high = found.inertia.interval95
+    assert low < INERTIA < high
+    largest = max((one for one in found.budget if one.parameter == "inertia"), key=lambda one: one.standard_uncertainty)
+    assert largest.source == "drive.motor.rotor_inertia"
+    assert any("drive.motor.rotor_inertia" in note.message for note in found.notes if note.code == "defaults-taken")
+    stated = identify(log, exact_rig().changed({"drive.motor.rotor_inertia": 0.0}))
+    assert not any(one.source == largest.source for one in stated.budget)
+
+
 def test_theory_of_the_wheel_inertia_and_of_gravity(log):
     # Row (I) is homogeneous: a11, b and F follow a12 in proportion.
     found = type_b(identify(log, UNCERTAIN))

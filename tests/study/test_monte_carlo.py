@@ -31,6 +31,7 @@ kind = "reaction-wheel"
 inertia = "1.1e-4 ± 1e-6 kg*m^2"
 tilt = 0
 [drive.motor]
+rotor_inertia = 0
 gear_ratio = 4.4
 torque_per_volt = "5e-3 ± 1e-4 N*m/V"
 [sensors]

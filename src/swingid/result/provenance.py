@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.metadata import version
 
+from swingid.format import number
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import Table, stated
 from swingid.model.rig.gravity import UNKNOWN_PLACE
@@ -128,6 +129,8 @@ def defaults_taken(rig: Rig) -> list[Message]:
         taken["axis.tilt"] = rig.axis, _tilt(rig.axis.tilt)
     if wheel is not None:
         taken["drive.wheel.tilt"] = wheel, _tilt(wheel.tilt)
+        if rig.drive.motor is not None and (std := rig.drive.motor.rotor_inertia.std):
+            taken["drive.motor.rotor_inertia"] = rig.drive.motor, f"0 ± {number(std, 'kg m^2', 2)}"
     if rig.axis.mass is not None and not (stated(rig.axis, "g") or stated(rig.axis, "latitude")):
         taken["axis.g"] = rig.axis, str(UNKNOWN_PLACE) + " m/s^2"
     taken["axis.model_uncertainty"] = rig.axis, f"{100 * rig.axis.model_uncertainty:g} %"

@@ -46,7 +46,7 @@ def decay(rig: sw.Rig, seed: int = 1, amplitude: float = 1.4) -> sw.Recording:
 
 def judged_of(evidence: Evidence, factor: float = 1.0) -> Judged:
     """Such that nothing but parts that disagree matters."""
-    limits = dict.fromkeys(("angle", "gravity", "balance", "place", "timing"), np.inf)
+    limits = dict.fromkeys(("angle", "gravity", "balance", "place", "timing", "whole"), np.inf)
     return Judged(evidence.law.inertia, evidence.law.a11, limits | {"alone": factor * evidence.law.total})
 
 

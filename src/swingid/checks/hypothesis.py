@@ -25,6 +25,9 @@ from swingid.uncertainty.significance import MATTERS
 LEAST = 1e-4
 """Share of a11 below which a change is not worth a warning: without noise, rounding is significant."""
 
+FIRST_ORDER = 0.1
+"""Share of a11 up to which a change is one of first order, as budgets take all: the square is a tenth of it."""
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -82,8 +85,8 @@ class Evidence:
 class Judged:
     """The inertia (kg m² or kg) that is judged, with standard uncertainties that changes are compared with.
 
-    limits: by name; what a hypothesis would itself add to the interval is left out of its own. own: whether the inertia
-    is that of the balance (momentum), which has slow changes as unknowns.
+    limits: by name; what a hypothesis would itself add to the interval is left out of its own; "whole" has all. own:
+    whether the inertia is that of the balance (momentum), which has slow changes as unknowns.
     """
 
     value: float
@@ -95,6 +98,10 @@ class Judged:
         """Whether a change of the inertia is beyond its standard uncertainty."""
         return matters(change, self.limits[limit], self.a11)
 
+    def contains(self, change: float) -> bool:
+        """Whether the interval, with what hypotheses add to it, contains a change, which must be of first order."""
+        return not self.matters(change, "whole") and abs(change) <= FIRST_ORDER * abs(self.a11)
+
 
 def matters(change: float, u: float, a11: float) -> bool:
     """Whether a change of the inertia is worth a warning; u: its standard uncertainty."""
@@ -102,10 +109,14 @@ def matters(change: float, u: float, a11: float) -> bool:
 
 
 class Finding(NamedTuple):
-    """A hypothesis that is significant: the change of the inertia by it, and a sentence."""
+    """A hypothesis that is significant: the change of the inertia by it, and a sentence.
+
+    contained: whether the interval contains all that it does to the inertia, so that it is a note.
+    """
 
     change: float
     text: str
+    contained: bool = False
 
 
 @dataclass(frozen=True)

@@ -191,7 +191,7 @@ class MomentumCheck:
             law, u = self.evidence.law, inertia.standard_uncertainty or 0.0
             # what is wrong in the rig file widens the interval by its lack of fit, too, and would hide itself
             limit = min(u, max(law.total, WORTH / MATTERS * law.a11))
-            limits = {"alone": u, "place": u} | dict.fromkeys(("angle", "gravity", "timing"), limit)
+            limits = {"alone": u, "place": u, "whole": u} | dict.fromkeys(("angle", "gravity", "timing"), limit)
             self.judged[inertia] = messages_of(self.evidence, Judged(inertia.value, law.a11, limits))
         return self.judged[inertia]
 

@@ -106,7 +106,7 @@ def messages_of(evidence: Evidence, judged: Judged, found: Iterable[str] = ()) -
         for finding in findings:
             message = Message(one.code, finding.text, one.kind)
             if one.limit and judged.matters(finding.change, one.limit):
-                warnings.append(message)
+                (notes if finding.contained else warnings).append(message)
                 seen.add(one.code)
             elif one.note:
                 notes.append(message)

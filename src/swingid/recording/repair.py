@@ -26,7 +26,6 @@ ANGLES = ("angle", "wheel_angle")
 SMOOTH = (*ANGLES, "angle_speed", "wheel_speed")  # channels in which a single odd sample is a fault
 PASSES = 3  # a spike beside another shows when the first one is gone
 PLACE = "place"  # of a row on an even clock, as a channel, so that rows are left out of it, too
-CLOSE = 1e-4  # of the time: as well as the clock of a log may be known at all
 
 
 def repair(logged: Channels, texts: Mapping[str, str], reading: Reading) -> Channels:
@@ -141,8 +140,8 @@ def with_lost_rows(channels: Channels, reading: Reading) -> Channels:
     step = float((time[-1] - time[0]) / (places[-1] - places[0]))
     text += f"; it was restored, with {lost.hidden.sum():.2g} more where the motion is too slow to show them"
     text += f", to {unsure:.1g} of the time. Log the time of each row"
-    level: Literal["note", "warning"] = "note" if unsure < CLOSE else "warning"
-    reading.found("lost-rows", f"{text}.", level, "lost-rows", at=time[lost.before > 0], of_time=unsure)
+    # a note: what is unsure of the time is in the clock's, and the interval contains it
+    reading.found("lost-rows", f"{text}.", "note", "lost-rows", at=time[lost.before > 0], of_time=unsure)
     return {**channels, "time": time + step * np.cumsum(lost.before + lost.hidden)}
 
 

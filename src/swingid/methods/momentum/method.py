@@ -107,7 +107,8 @@ def momentum(check: MomentumCheck, *, memory: str = "auto") -> Result:
             raise
         warnings, notes = [Message(error.code, error.message, Kind.NOT_IDENTIFIABLE)], []
     balance, motor = check.motor_balance, check.motor(parameters["inertia"])
-    limits = {"alone": alone, "angle": alone, "timing": u} | dict.fromkeys(("gravity", "balance", "place"), law.total)
+    limits = {"alone": alone, "angle": alone, "timing": u, "whole": u}
+    limits |= dict.fromkeys(("gravity", "balance", "place"), law.total)
     judged = Judged(parameters["inertia"].value, law.a11, limits, own=True)
     off, assumed = messages_of(estimate.evidence, judged, [one.code for one in warnings])
     return prepared.result(

@@ -14,6 +14,7 @@ import pytest
 from test_app_live import SLOW, click, go_to, journals, ready_to_run, whole
 
 from browser import browser, served
+from long_cases import quick_first
 from page_server import free_port
 from swingid import Recording, Rig, parse_reference, simulate
 
@@ -61,7 +62,9 @@ def lives(pid: int) -> bool:
         return False
 
 
-@pytest.mark.parametrize(("number", "times"), [(signal.SIGINT, 1), (signal.SIGINT, 12), (signal.SIGTERM, 1)])
+@pytest.mark.parametrize(
+    ("number", "times"), quick_first(1, [(signal.SIGINT, 1), (signal.SIGINT, 12), (signal.SIGTERM, 1)])
+)
 def test_ctrl_c_without_a_run(tmp_path, times, number):
     with served("--rig", "paper", "--folder", str(tmp_path)) as (_, server):
         took, said = interrupted(server, times, number)

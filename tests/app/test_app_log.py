@@ -112,6 +112,7 @@ def test_a_log_that_is_gone_is_said_on_the_page_and_not_in_the_terminal(log, tmp
         assert "Traceback" not in process.communicate(timeout=20)[0]
 
 
+@pytest.mark.long
 def test_a_linear_axis_has_a_position(tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(LINEAR, encoding="utf-8")
@@ -128,6 +129,7 @@ def test_a_linear_axis_has_a_position(tmp_path):
         plots.filter(has_text="Force").locator("span", has_text=re.compile("^N$")).wait_for(timeout=SLOW)
 
 
+@pytest.mark.long
 def test_a_token_keeps_others_out(log):
     wide = served("--log", str(log), "--rig", "paper", "--host", "0.0.0.0", SWINGID_TOKEN="s3cret")
     with wide as (address, _), browser() as chromium:

@@ -62,6 +62,7 @@ def test_with_14_bit_everything_is_known_apart_and_without_doubt(clean):
     assert "clamped" in kind.message
 
 
+@pytest.mark.long
 def test_spread_over_seeds_is_what_the_interval_says():
     """Twelve draws of place and phase: root mean square of the scores near one, for each product."""
     drawn = []

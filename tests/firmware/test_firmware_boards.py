@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from firmware_build import CORE, FIRMWARE, FLAGS, compiler, library
+from long_cases import quick_first
 
 ENCODERS = FIRMWARE / "hal" / "encoders"
 
@@ -93,7 +94,7 @@ def arduino(target: Path, *defines: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("board", BOARDS)
+@pytest.mark.parametrize("board", quick_first(2, BOARDS))
 def test_the_arduino_sketch_has_a_watchdog_that_samples_alone_feed(board: str, tmp_path: Path) -> None:
     done = arduino(tmp_path / "sketch", board)
     assert done.returncode == 0, done.stderr

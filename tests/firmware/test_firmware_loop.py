@@ -66,6 +66,7 @@ def passes(done: subprocess.CompletedProcess[str]) -> None:
     assert faults > 0.001 * count, done.stdout
 
 
+@pytest.mark.long
 def test_a_hundred_thousand_samples_of_the_loop_under_floods(tmp_path: Path) -> None:
     passes(fuzz(tmp_path, CORE, 1, 20, 5000))
 

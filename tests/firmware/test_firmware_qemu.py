@@ -10,6 +10,7 @@ from test_live_twin import frames_of, recording_of
 
 from firmware_qemu import MACHINES, Emulated, image
 from live_host import RIG, Driver
+from long_cases import quick_first
 from swingid import identify
 from swingid.control.compensator import Compensator
 from swingid.live.codes import FaultCode, Mode, State
@@ -36,7 +37,7 @@ def emulated(machine: str) -> Iterator[Emulated]:
         device.close()
 
 
-@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("machine", quick_first(1, MACHINES))
 def test_the_board_sends_the_bytes_of_the_machine_in_python(machine: str) -> None:
     with emulated(machine) as device:
         frames, found = frames_of(TwinDevice(Plant(RIG), BOARD, machine=device), 1.0)

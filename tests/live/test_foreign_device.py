@@ -209,10 +209,11 @@ REFUSED = {name for name in FLAWS if name.startswith("hello_")} | {
     *("voltage_nan", "silent_after_run", "silent_in_run", "never_says_a_word", "voltage_after_end"),
 }
 
-# rows that are near to another: they are run with the long tests
+# rows that are near to another, and those that go on for longest: they are run with the long tests
 LONG = {
     *("clock_fast_little", "clock_slow_little", "run_one_late", "run_in_past", "no_ack_stop", "gain_nan"),
     *("samples_twice", "wrong_bytes", "stays_stopping", "endless_stop_ignored", "finished_once", "no_ack_run"),
+    *("clock_slow", "stop_ignored", "state_77", "samples_lost", "finished_never", "late_flags", "stays_running"),
 }
 
 

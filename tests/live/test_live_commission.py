@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import tomllib
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from live_host import RIG
+from long_cases import long, quick_first, quick_if
 from swingid.cli import main
 from swingid.errors import SwingidError
 from swingid.live.codes import FaultCode
@@ -63,9 +65,10 @@ def refused(plant: Plant, rig: Rig | None = None) -> SwingidError:
     return error.value
 
 
-@pytest.mark.parametrize("axis", [1, -1])
-@pytest.mark.parametrize("wheel", [1, -1])
-@pytest.mark.parametrize("voltage", [1, -1])
+@pytest.mark.parametrize(
+    ("axis", "wheel", "voltage"),
+    quick_if(lambda signs: sum(signs) in (1, -3), product([1, -1], repeat=3)),  # each wire alone, and all of them
+)
 def test_every_wiring_is_found(axis: int, wheel: int, voltage: int) -> None:
     """The axis' direction is a choice, +1 where the file states none: the others are found relative to it."""
     found = found_on(Wired(axis=axis, wheel=wheel, voltage=voltage))
@@ -81,7 +84,7 @@ def test_the_axis_direction_of_the_file_is_kept() -> None:
     assert (found.axis_sign, found.wheel_sign, found.voltage_sign) == (-1, 1, -1)
 
 
-@pytest.mark.parametrize("name", ["paper", "paper-body"])
+@pytest.mark.parametrize("name", quick_first(1, ["paper", "paper-body"]))
 def test_counts_and_inertia_are_within_their_uncertainty(name: str) -> None:
     rig = Rig.load(name)
     found = found_on(Wired(rig))
@@ -92,7 +95,7 @@ def test_counts_and_inertia_are_within_their_uncertainty(name: str) -> None:
     assert (found.delay, found.warnings) == (pytest.approx(0.0, abs=3e-4), ())
 
 
-@pytest.mark.parametrize(("stated", "made"), [(1.0, 0.5), (1.0, 2.0), (1.0, 4.0), (1.0, 4.4)])
+@pytest.mark.parametrize(("stated", "made"), quick_first(2, [(1.0, 0.5), (1.0, 4.4), (1.0, 2.0), (1.0, 4.0)]))
 def test_a_wheel_with_other_counts_is_refused_with_the_factor(stated: float, made: float) -> None:
     """An encoder that makes `made` times the counts that the device says."""
     error = refused(Wired(wheel=made / stated))
@@ -143,8 +146,8 @@ def test_delay_is_that_of_the_encoder() -> None:
     [
         ({"initial_angle": 0.05}, "not-still", "must hang still"),
         ({"voltage": 0.0}, "no-motion", "neither wheel nor body moves"),
-        ({"wheel": 0.0}, "no-motion", "the wheel's counts do not"),
-        ({"axis": 0.0}, "no-motion", "the body's counts do not"),
+        long(({"wheel": 0.0}, "no-motion", "the wheel's counts do not")),
+        long(({"axis": 0.0}, "no-motion", "the body's counts do not")),
     ],
 )
 def test_what_is_refused_on_the_rig(options: dict[str, float], code: str, words: str) -> None:
@@ -238,7 +241,7 @@ def test_bad_use_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "a built-in rig stays as it is" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("rest", [0.4, -0.4])
+@pytest.mark.parametrize("rest", quick_first(1, [0.4, -0.4]))
 def test_a_body_that_rests_between_two_counts_has_the_right_counts(rest: float) -> None:
     """The zero is known to half a count, which bends the wheel's angle by more than the pulses turn it."""
     step = 2 * 3.141592653589793 / 16384

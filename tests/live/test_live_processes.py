@@ -544,6 +544,7 @@ def test_a_link_that_hangs_does_not_outlive_its_view(bench: Bench, tmp_path: Pat
     assert gone(pids, 15.0)
 
 
+@pytest.mark.long
 @needs_native
 @pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX")
 def test_a_run_whose_view_dies_before_it_begins_does_not_begin(bench: Bench, tmp_path: Path) -> None:

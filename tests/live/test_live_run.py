@@ -37,7 +37,7 @@ def order(**changes: object) -> Order:
     return Order(**{**known, **changes})  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("name", ["paper", "paper-body"])
+@pytest.mark.parametrize("name", ["paper", pytest.param("paper-body", marks=pytest.mark.long)])
 def test_the_papers_experiment_on_the_emulator(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, found = tmp_path / "run.mcap", tmp_path / "result.json"
     report = tmp_path / "report.html"
@@ -71,8 +71,8 @@ def test_the_wanted_uncertainty_ends_the_run_and_the_rest_is_faded(tmp_path: Pat
 def test_python_gives_the_log_and_leaves_nothing(tmp_path: Path) -> None:
     with sw.live.connect("twin://paper?seed=3") as rig:
         assert isinstance(rig, LiveRig)
-        log = rig.run(REFERENCE, duration=8.0)
-        again = rig.run(REFERENCE, duration=8.0, out=tmp_path / "kept.mcap")
+        log = rig.run(REFERENCE, duration=5.0)
+        again = rig.run(REFERENCE, duration=5.0, out=tmp_path / "kept.mcap")
     np.testing.assert_array_equal(log.angle, again.angle)
     assert sw.identify(log, rig.rig).inertia.value == pytest.approx(3.022e-3, rel=5e-4)
     assert [path.name for path in tmp_path.iterdir()] == ["kept.mcap"]
@@ -94,10 +94,10 @@ def test_the_same_seed_gives_the_same_file(tmp_path: Path) -> None:
         (["--reference", REFERENCE, "--until", "much"], 2, "0.05%"),
         (["--reference", REFERENCE, "--until", "200%"], 2, "0.05%"),
         (["--reference", REFERENCE, "--duration", "-3"], 2, "duration"),
-        (["--reference", REFERENCE, "--device", "warp://9"], 2, "warp"),
+        (["--reference", REFERENCE, "--duration", "3", "--device", "warp://9"], 2, "warp"),
         (["--reference", REFERENCE, "--device", "twin://paper?rate=3"], 2, "rate"),
-        (["--reference", REFERENCE, "--device", "tcp://127.0.0.1:1"], 5, "127.0.0.1"),
-        (["--reference", REFERENCE, "--device", "serial:///dev/none"], 5, "/dev/none"),
+        (["--reference", REFERENCE, "--duration", "3", "--device", "tcp://127.0.0.1:1"], 5, "127.0.0.1"),
+        (["--reference", REFERENCE, "--duration", "3", "--device", "serial:///dev/none"], 5, "/dev/none"),
     ],
 )
 def test_what_is_refused_before_the_rig_moves(

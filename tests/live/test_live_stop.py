@@ -170,7 +170,8 @@ def test_ctrl_c_before_the_run_moves_nothing(times: int, after: float, device: E
     assert is_zero(device)
 
 
-@pytest.mark.parametrize("times", [3, *(pytest.param(times, marks=pytest.mark.long) for times in (1, 10))])
+@pytest.mark.long
+@pytest.mark.parametrize("times", [3, 1, 10])
 def test_ctrl_c_after_the_run_says_where_it_is(times: int, tmp_path: Path) -> None:
     """On the emulator the run is over in a second; output error takes its time."""
     out = tmp_path / "run.mcap"
@@ -191,7 +192,8 @@ def test_ctrl_c_after_the_run_says_where_it_is(times: int, tmp_path: Path) -> No
     assert len(Recording.load(out, RIG)) == 25_000
 
 
-@pytest.mark.parametrize("times", [1, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("times", [1, 3])
 def test_ctrl_c_ends_a_long_rehearsal(times: int, tmp_path: Path) -> None:
     options = ["--reference", REFERENCE, "--duration", "3600", "--out", tmp_path / "run.mcap"]
     process = command("run", "--rig", "paper", *options)
@@ -271,6 +273,7 @@ def test_stop_ends_the_run_and_says_how(
     assert not list((tmp_path / "swingid").iterdir())
 
 
+@pytest.mark.long
 @needs_native
 def test_stop_ends_a_run_whose_command_was_killed(
     device: Emulated, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -25,6 +25,7 @@ from closed_form_logs import (
     free_rig,
     motor_log,
 )
+from long_cases import long, quick_first
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.recording.recording import Recording
@@ -50,7 +51,7 @@ def deviation(parameter, truth):
 
 
 @pytest.mark.parametrize("law", ["none", "viscous", "eight times viscous", "quadratic"])
-@pytest.mark.parametrize("motion", [ONE_TONE, TWO_TONES])
+@pytest.mark.parametrize("motion", quick_first(1, [ONE_TONE, TWO_TONES]))
 def test_smooth_motion_and_friction_within_the_basis_are_exact(law, motion):
     rig = exact_rig(**SMOOTH_MOTOR)
     result = identify(motor_log(rig, motion, LAWS[law], TIME), rig, "energy")
@@ -58,7 +59,7 @@ def test_smooth_motion_and_friction_within_the_basis_are_exact(law, motion):
     assert result.status == "ok"
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", quick_first(2, LAWS))
 def test_a_motor_with_dry_friction_and_dead_zone(law):
     rig = exact_rig()
     result = identify(motor_log(rig, ONE_TONE, LAWS[law], TIME, spin=160.0), rig, "energy")
@@ -102,6 +103,7 @@ def test_gravity_is_found_from_two_tones_and_refused_from_slow_swings():
     assert caught.value.code == "not-identifiable"
 
 
+@pytest.mark.long
 def test_encoders_cost_what_the_uncertainty_says():
     rig, deviations = exact_rig(**SMOOTH_MOTOR), []
     log = motor_log(rig, TWO_TONES, LAWS["Coulomb"], TIME)
@@ -150,7 +152,7 @@ def uncertain():
     return rig, log, identify(log, rig, "energy")
 
 
-@pytest.mark.parametrize("key", CONSTANTS)
+@pytest.mark.parametrize("key", quick_first(3, CONSTANTS))
 def test_sensitivities_are_what_a_second_identification_finds(uncertain, key):
     rig, log, result = uncertain
     step = 2e-4 * CONSTANTS[key]
@@ -170,8 +172,8 @@ def test_sensitivities_are_what_a_second_identification_finds(uncertain, key):
     ("source", "table", "of_angle", "of_wheel"),
     [
         ("angle encoder nonlinearity (cosine)", "sensors.nonlinearity", np.cos, None),
-        ("angle encoder nonlinearity (sine)", "sensors.nonlinearity", np.sin, None),
-        ("wheel encoder nonlinearity (cosine)", "sensors.nonlinearity", None, np.cos),
+        long(("angle encoder nonlinearity (sine)", "sensors.nonlinearity", np.sin, None)),
+        long(("wheel encoder nonlinearity (cosine)", "sensors.nonlinearity", None, np.cos)),
         ("wheel encoder nonlinearity (sine)", "sensors.nonlinearity", None, np.sin),
     ],
 )
@@ -189,7 +191,7 @@ def test_sensitivity_to_a_bent_encoder(source, table, of_angle, of_wheel):
     assert sensitivity(result, source) == pytest.approx(found, rel=0.03, abs=1e-3 * INERTIA)
 
 
-@pytest.mark.parametrize("channel", ["angle", "wheel"])
+@pytest.mark.parametrize("channel", quick_first(1, ["angle", "wheel"]))
 def test_sensitivity_to_a_late_encoder(channel):
     rig = exact_rig(**SMOOTH_MOTOR)
     made = {late: motor_log(rig, TWO_TONES, LAWS["viscous"], late=late) for late in (0.0, 1e-4, -1e-4)}
@@ -226,7 +228,7 @@ def test_the_note_says_how_hard_the_answer_leans_on_the_motor(uncertain):
 # direct drive and free decay
 
 
-@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("linear", quick_first(1, [False, True]))
 @pytest.mark.parametrize("law", LAWS)
 def test_direct_drive(linear, law):
     log = direct_log(TWO_TONES, LAWS[law], TIME, b=0.0 if linear else 78e-3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from long_cases import quick_first, quick_if
 from swingid.checks.momentum import DISAGREES
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
@@ -77,7 +78,7 @@ def test_the_paper_s_simulation_by_the_better_form(ideal):
     assert result.status == "ok"
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", quick_first(4, LAWS))
 def test_with_the_paper_s_encoders_whatever_the_friction(law, tmp_path):
     rig = with_friction(PAPER, law)
     log = simulate(rig, Sine(0.8, 8.5), Compensator.paper(rig), duration=25.0, seed=1)
@@ -91,7 +92,9 @@ def test_with_the_paper_s_encoders_whatever_the_friction(law, tmp_path):
     assert abs(error(printed)) < 3e-3
 
 
-@pytest.mark.parametrize("law", ["viscous", "Stribeck", "LuGre", "sticking"])
+@pytest.mark.parametrize(
+    "law", quick_if(lambda law: law in ("viscous", "sticking"), ["viscous", "Stribeck", "LuGre", "sticking"])
+)
 def test_direct_drive(law):
     rig = with_friction(PAPER, law).changed({"drive": {"kind": "direct"}, "log": {"torque": "tau"}})
     time = np.arange(20_001) / 1000

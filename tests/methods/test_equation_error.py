@@ -22,6 +22,7 @@ from closed_form_logs import (
     free_rig,
     wheel_log,
 )
+from long_cases import quick_first
 from swingid.balance.fits import Noise
 from swingid.balance.rows import Signals
 from swingid.checks.momentum import DISAGREES
@@ -80,7 +81,7 @@ REACH = {"wheel": 2e-8, "direct": 5e-6, "linear": 5e-6, "free": 2e-8}
 """A torque logged at the stamps misses the instant at which friction turns it around, so the driven axes err more."""
 
 
-@pytest.mark.parametrize("options", [{}, {"instruments": True}, {"cutoff": 9.0}], ids=str)
+@pytest.mark.parametrize("options", quick_first(1, [{}, {"instruments": True}, {"cutoff": 9.0}]), ids=str)
 @pytest.mark.parametrize("case", CASES)
 def test_every_drive_to_rounding_whatever_the_cutoff(case, options):
     result = solved(*CASES[case](TIME), **options)
@@ -92,7 +93,7 @@ def test_every_drive_to_rounding_whatever_the_cutoff(case, options):
     assert result.inertia.unit == ("kg" if case == "linear" else "kg m^2")
 
 
-@pytest.mark.parametrize("case", ["wheel", "direct", "free"])
+@pytest.mark.parametrize("case", quick_first(1, ["wheel", "direct", "free"]))
 def test_uneven_stamps_are_carried_to_an_even_grid_and_said_so(case):
     result = solved(*CASES[case](UNEVEN), cutoff=9.0)
     assert result.inertia.value == pytest.approx(INERTIA, rel=2e-5)
@@ -167,7 +168,7 @@ def noisy(log, std, seed):
     return Recording(time=log.time, angle=angle, wheel_angle=wheel)
 
 
-@pytest.mark.parametrize("options", [{}, {"instruments": True}], ids=["compensated", "instruments"])
+@pytest.mark.parametrize("options", quick_first(1, [{}, {"instruments": True}]), ids=["compensated", "instruments"])
 def test_noise_that_lowers_least_squares_does_not_lower_the_estimate(options):
     # at 20 Hz white noise of 5 mrad has 2.6 % of the acceleration's power: ∫ 2hσ²(2πf)⁴|H|⁴ df over ⟨q''²⟩
     log, rig = wheel_log(exact_rig(), ONE_TONE, friction, TIME), exact_rig(**{"sensors.noise": 5e-3})
@@ -191,6 +192,7 @@ def test_a_higher_cutoff_tells_noise_of_the_acceleration_from_that_of_the_torque
     assert (found.details.extra["attenuation"] > 4e-4) == bool(share)
 
 
+@pytest.mark.long
 def test_what_noise_makes_of_the_difference_of_two_cutoffs_is_known():
     rig, scale = exact_rig(**{"sensors.noise": 1e-3}), equation_of(exact_rig())
     clean = wheel_log(rig, ONE_TONE, viscous, np.arange(0, 6, 1e-3))
@@ -264,7 +266,9 @@ def test_type_b_of_constants_is_the_change_they_make():
     assert budget["wheel latency"].standard_uncertainty == pytest.approx(abs(late), rel=0.02)
 
 
-@pytest.mark.parametrize("key", ["axis.gravity_torque", "drive.wheel.inertia", "drive.motor.gear_ratio"])
+@pytest.mark.parametrize(
+    "key", quick_first(1, ["axis.gravity_torque", "drive.wheel.inertia", "drive.motor.gear_ratio"])
+)
 def test_sensitivities_are_slopes(key):
     log = encoded(two_tones())
     result = solved(log, exact_rig(), cutoff=CUTOFF)
@@ -324,7 +328,7 @@ def test_the_cutoff_rule():
 
 
 @pytest.mark.parametrize(("band", "within"), [((0.5, 6.0), 0.08), ((6.0, 12.0), 2e-3)], ids=["at it", "above"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", quick_first(1, range(3)))
 def test_correlated_noise_of_the_angle_does_not_attenuate_the_estimate(seed, band, within):
     # as of a camera: sixth differences show little of it, and it has a share of the speed's power. At the cut-off of
     # the rule the estimate is a third too low, or refused

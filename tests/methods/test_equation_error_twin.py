@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from long_cases import quick_first
 from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
@@ -20,7 +21,7 @@ def solved(rig, folder, **options):
     return identify(logged(rig, folder, seed=1), given(rig), "equation-error", **options)
 
 
-@pytest.mark.parametrize("options", [{}, {"instruments": True}], ids=["least squares", "instruments"])
+@pytest.mark.parametrize("options", quick_first(1, [{}, {"instruments": True}]), ids=["least squares", "instruments"])
 @pytest.mark.parametrize("law", ["viscous", "Coulomb", "Stribeck", "direction-dependent", "LuGre", "sticking"])
 def test_clean_logs_within_a_tenth_of_a_per_cent_and_without_warning(law, options, tmp_path):
     result = solved(twin(law), tmp_path, **options)
@@ -29,7 +30,7 @@ def test_clean_logs_within_a_tenth_of_a_per_cent_and_without_warning(law, option
     assert abs(error(result)) * INERTIA < 2 * result.inertia.standard_uncertainty
 
 
-@pytest.mark.parametrize("law", ["Coulomb", "Stribeck", "quadratic"])
+@pytest.mark.parametrize("law", quick_first(1, ["Coulomb", "Stribeck", "quadratic"]))
 def test_a_given_law_that_the_log_denies_is_a_warning_and_no_confident_number(law, tmp_path):
     rig = twin(law, counts_per_turn=None, noise=1e-3)
     log = logged(rig, tmp_path, seed=1)

@@ -22,6 +22,7 @@ from closed_form_logs import (
     free_rig,
     wheel_log,
 )
+from long_cases import quick_first
 from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
@@ -62,7 +63,7 @@ def deviation(parameter, truth):
 # reaction wheel
 
 
-@pytest.mark.parametrize("motion", [ONE_TONE, TWO_TONES], ids=["one tone", "two tones"])
+@pytest.mark.parametrize("motion", quick_first(1, [ONE_TONE, TWO_TONES]), ids=["one tone", "two tones"])
 @pytest.mark.parametrize("law", LAWS)
 def test_inertia_from_perfect_angles(law, motion):
     result = identify(wheel_log(exact_rig(), motion, LAWS[law], TIME), exact_rig())
@@ -267,7 +268,7 @@ CONVENTIONS = {
 
 
 @pytest.mark.parametrize("conventions", CONVENTIONS)
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+@pytest.mark.parametrize("suffix", quick_first(1, ["csv", "parquet"]))
 def test_the_conventions_of_a_log_do_not_matter(tmp_path, conventions, suffix):
     rig = PAPER.changed(CONVENTIONS[conventions])
     log = encoded(wheel_log(exact_rig(), TWO_TONES, LAWS["viscous"], TIME))

@@ -21,6 +21,7 @@ from closed_form_logs import (
     free_rig,
     wheel_log,
 )
+from long_cases import quick_first
 from swingid.balance.fits import with_excess
 from swingid.identification import identify
 from swingid.model.rig import Rig
@@ -51,7 +52,7 @@ def log(request):
     return encoded(wheel_log(exact_rig(), request.param, friction, TIME))
 
 
-@pytest.mark.parametrize("key", CONSTANTS)
+@pytest.mark.parametrize("key", quick_first(6, CONSTANTS))
 @pytest.mark.parametrize("sensors", [{}, {"sensors.nonlinearity": "0.1 deg"}], ids=["", "nonlinear encoders"])
 def test_constants(log, key, sensors):
     rig = UNCERTAIN.changed(sensors)
@@ -65,7 +66,7 @@ def test_constants(log, key, sensors):
     assert entry.shared_id == key
 
 
-@pytest.mark.parametrize("key", CONSTANTS)
+@pytest.mark.parametrize("key", quick_first(3, CONSTANTS))
 def test_constants_and_friction(log, key):
     result = identify(log, UNCERTAIN)
     value, std = CONSTANTS[key]
@@ -267,6 +268,7 @@ def test_scatter_counts_where_it_is_more_than_the_sensors_explain():
     np.testing.assert_allclose(both, [2.0, few])
 
 
+@pytest.mark.long
 def test_white_noise_is_told_as_the_sum_over_windows_that_it_is():
     """The standard uncertainty is that of 40 draws of the noise, within the 11 % that 40 draws tell.
 
@@ -303,7 +305,7 @@ def test_the_place_of_a_grid_counts_where_white_noise_does_not():
     assert entry(5e-2) > 1.0
 
 
-@pytest.mark.parametrize("samples", [400, 401.3])
+@pytest.mark.parametrize("samples", quick_first(1, [400, 401.3]))
 def test_errors_of_an_encoder_that_come_again_are_known(samples):
     """So many rows in a period: where it is a whole number, each period meets the same places of the grid.
 

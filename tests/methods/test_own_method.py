@@ -75,6 +75,7 @@ def test_without_noise_it_is_least_squares(example: ModuleType) -> None:
     assert example.compensated_fit(plain).inertia == pytest.approx(plain.inertia, rel=1e-10)
 
 
+@pytest.mark.long
 def test_its_intervals_hold(example: ModuleType) -> None:
     """Of 20 logs about one may miss; more than 4 have a probability of 0.3 %."""
     results = [sw.identify(log_of(seed), NOISY, example.NAME) for seed in range(20)]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from long_cases import quick_first
 from swingid.balance.perturbations import of_channels
 from swingid.cli import main
 from swingid.model.rig.encoder_kinds import DELAY, EXCEEDED, KINDS, kind_of
@@ -86,7 +87,7 @@ def test_a_twin_has_nothing_of_what_is_only_taken(log: sw.Recording) -> None:
 
 
 @pytest.mark.parametrize("method", ["equation-error", "energy"])
-@pytest.mark.parametrize(("part", "shape"), [("cosine", np.cos), ("sine", np.sin)])
+@pytest.mark.parametrize(("part", "shape"), quick_first(1, [("cosine", np.cos), ("sine", np.sin)]))
 def test_the_effect_of_the_second_harmonic_is_that_found_by_trying(
     log: sw.Recording, method: str, part: str, shape: np.ufunc
 ) -> None:

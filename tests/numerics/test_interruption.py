@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from large_logs import GIVEN, write_large_log
+from long_cases import quick_first
 from swingid.cli import failure, main
 from swingid.system import WRITTEN, interruption_waits, worker_pool, write_whole
 
@@ -108,7 +109,7 @@ def check(one: Started, folder: Path, *, group: bool, last: str = re.escape(NOTH
     assert not [path for path in folder.rglob("*") if path.name.endswith(".part")]
 
 
-@pytest.mark.parametrize(("seconds", "group"), [(0.8, False), (2.0, True), (5.0, True)])
+@pytest.mark.parametrize(("seconds", "group"), quick_first(1, [(2.0, True), (0.8, False), (5.0, True)]))
 def test_while_kernels_are_compiled(started, log, tmp_path, seconds, group):
     target = tmp_path / "result.json"
     target.write_text("as it was")
@@ -119,7 +120,7 @@ def test_while_kernels_are_compiled(started, log, tmp_path, seconds, group):
     assert target.read_text() == "as it was"
 
 
-@pytest.mark.parametrize("group", [True, False])
+@pytest.mark.parametrize("group", quick_first(1, [True, False]))
 def test_compilation_keeps_its_kernels(started, tmp_path, group):
     one = started("compile", "simulate", environment={"NUMBA_CACHE_DIR": str(tmp_path)})
     while not list(tmp_path.rglob("*.nbc")):
@@ -130,7 +131,9 @@ def test_compilation_keeps_its_kernels(started, tmp_path, group):
     assert not list(tmp_path.rglob("ready-*"))
 
 
-@pytest.mark.parametrize(("beside", "group"), [(0, True), (2, True), (2, False)])  # 2: that of Python, a first worker
+@pytest.mark.parametrize(
+    ("beside", "group"), quick_first(1, [(2, True), (2, False), (0, True)])
+)  # 2: that of Python, a first worker
 def test_while_processes_draw(started, log, tmp_path, beside, group):
     target = tmp_path / "result.json"
     one = started("identify", log, "--rig", "paper", "--monte-carlo", 20_000, "--json", target)
@@ -140,7 +143,7 @@ def test_while_processes_draw(started, log, tmp_path, beside, group):
     assert not target.exists()
 
 
-@pytest.mark.parametrize(("seconds", "group"), [(0.7, True), (1.0, True), (1.0, False)])
+@pytest.mark.parametrize(("seconds", "group"), quick_first(1, [(1.0, True), (0.7, True), (1.0, False)]))
 def test_a_large_log(started, tmp_path, seconds, group):
     path = write_large_log(tmp_path / "log.parquet", 6_000_000)
     (tmp_path / "rig.toml").write_text(GIVEN.text)
@@ -150,7 +153,7 @@ def test_a_large_log(started, tmp_path, seconds, group):
     assert not (tmp_path / "r.json").exists()
 
 
-@pytest.mark.parametrize("command", ["simulate", "design", "calibrate", "encoders"])
+@pytest.mark.parametrize("command", quick_first(2, ["simulate", "design", "calibrate", "encoders"]))
 def test_commands_of_one_answer(started, log, tmp_path, command):
     """Of these a kernel of many rows runs, or many small fits."""
     (tmp_path / "out").mkdir()

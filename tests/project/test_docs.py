@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from long_cases import quick_if
 from swingid.model.rig import Rig
 from swingid.model.rig.errors import known_keys
 
@@ -181,7 +182,7 @@ def summary_of(log: Path, rig: str, *words: str) -> str:
     return run_example(*command, folder=ROOT)
 
 
-@pytest.mark.parametrize("page", REAL_LOGS)
+@pytest.mark.parametrize("page", quick_if(lambda page: page != "free_pendulum.md", REAL_LOGS))
 def test_pages_of_real_logs_show_what_is_found(data_dir: Path, page: str) -> None:
     """The parameters shown are today's, to a fifth of their uncertainty; this file, run by python, renews them."""
     log, rig, *words = REAL_LOGS[page]

@@ -11,6 +11,7 @@ import pytest
 from fuzz.batch import watched
 from fuzz.cases import TARGETS, content_of, failure_of
 from fuzz.corpus import FILES
+from long_cases import quick_if
 from swingid.errors import InputError
 from swingid.model.rig import Rig
 from swingid.recording.formats import isolated, read_table
@@ -34,7 +35,7 @@ LONG = {
 BATCH = 2_000
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", quick_if(lambda target: target != "answers", TARGETS))
 def test_a_few_hundred_damaged_files(target):
     failures = {seed: failure for seed in range(QUICK.get(target, 60)) if (failure := failure_of(target, seed))}
     assert not failures, "\n".join(failures.values())

@@ -130,6 +130,7 @@ def test_the_friction_explains_what_each_full_swing_loses(pendulum):
     assert np.sqrt(np.mean(left**2)) < 0.03 * np.sqrt(np.mean(both[0] ** 2))
 
 
+@pytest.mark.long
 def test_the_log_as_simulink_wrote_it_gives_the_same(data_dir, pendulum):
     """The table holds eight decimals of it; time comes from the start, the step and the length that it states."""
     path = data_dir / "free_pendulum" / "SinglePendulumArm_RawData_1.mat"

@@ -315,6 +315,7 @@ def slowly(count: int) -> int:
     return sum(range(50_000 + count))
 
 
+@pytest.mark.long
 def test_work_that_is_left_at_an_interruption_is_no_error_of_the_pool(monkeypatch):
     """By `pool.map` of Python 3.11 one interruption in about 25 ends the thread of the pool, and may hang."""
     failed = []

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from long_cases import long, quick_first
 from recording_cases import write_columns
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
@@ -75,14 +76,14 @@ def test_clean_log_is_ready_and_every_small_quantity_is_zero_within_its_uncertai
     ("change", "remedy"),
     [
         (lambda c: {"q2": -c["q2"]}, "set wheel_angle_sign = -1 under [log]"),
-        (lambda c: {"q1": -c["q1"]}, "set angle_sign = -1 under [log]"),
+        long((lambda c: {"q1": -c["q1"]}, "set angle_sign = -1 under [log]")),
         (lambda c: {"q1": c["q1"] + np.pi}, 'set angle_zero = "up" under [log]'),
-        (lambda c: {"u": -c["u"]}, "set voltage_sign = -1 under [log]"),
+        long((lambda c: {"u": -c["u"]}, "set voltage_sign = -1 under [log]")),
         (
             lambda c: {"q2": c["q2"] + c["q1"]},
             'set wheel_angle_is = "absolute" under [log] if the sensor says so',
         ),
-        (lambda c: {"q2": np.degrees(c["q2"])}, 'set wheel_angle_unit = "deg" under [log]'),
+        long((lambda c: {"q2": np.degrees(c["q2"])}, 'set wheel_angle_unit = "deg" under [log]')),
     ],
     ids=["wheel sign", "angle sign", "zero at the top", "voltage sign", "absolute wheel", "wheel in degrees"],
 )
@@ -259,9 +260,9 @@ def test_unreadable_file_is_an_input_error(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("channel", "factor", "key"),
     [
-        ("q2", 180 / np.pi, "wheel_angle_unit"),
+        long(("q2", 180 / np.pi, "wheel_angle_unit")),
         ("q1", 180 / np.pi, "angle_unit"),
-        ("q2", 0.5 / np.pi, "wheel_angle_unit"),
+        long(("q2", 0.5 / np.pi, "wheel_angle_unit")),
     ],
 )
 def test_wrong_unit_is_said_first_and_counts_are_those_of_the_right_one(clean, look, channel, factor, key) -> None:
@@ -319,7 +320,7 @@ def test_time_that_runs_backwards_is_called_so_once(clean, look) -> None:
         assert found.verdict.line.count("backwards") == 1
 
 
-@pytest.mark.parametrize("channel", ["t", "q1", "q2", "u"])
+@pytest.mark.parametrize("channel", quick_first(2, ["t", "q1", "q2", "u"]))
 def test_one_absurd_cell_spoils_no_estimate(clean, look, channel) -> None:
     values = clean[channel].copy()
     values[3000] = 1e300
@@ -338,7 +339,7 @@ def test_a_log_without_a_clock_says_so_and_not_that_it_has_no_angle(clean, look)
     assert "# rate = 1000" in found.table
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+@pytest.mark.parametrize(("unit", "factor"), quick_first(1, [("ms", 1e3), ("us", 1e6), ("ns", 1e9)]))
 def test_a_clock_in_another_unit_is_said_first(clean, look, unit, factor) -> None:
     found = look({**clean, "t": clean["t"] * factor})
     assert remedies(found) == [f'set time_unit = "{unit}" under [log]']

@@ -16,6 +16,7 @@ import pytest
 
 import swingid as sw
 from large_logs import GIVEN, make_parts_small, write_large_log
+from long_cases import quick_first
 from swingid.cli import main
 from swingid.errors import InputError
 from swingid.recording.formats import hdf5, mcap, read_table
@@ -70,7 +71,7 @@ def test_a_log_gives_the_result_that_parquet_gives(small_parts, logs, ending):
     assert found.provenance["log_sha256"] != known.provenance["log_sha256"]
 
 
-@pytest.mark.parametrize("ending", ["h5", "mcap"])
+@pytest.mark.parametrize("ending", quick_first(1, ["h5", "mcap"]))
 def test_pieces_hold_what_the_whole_file_holds(small_parts, logs, ending):
     once, found = whole(logs[ending]), in_pieces(logs[ending])
     assert list(found) == NAMES
@@ -78,7 +79,7 @@ def test_pieces_hold_what_the_whole_file_holds(small_parts, logs, ending):
     assert list(in_pieces(logs[ending], names=["u", "t"])) == ["u", "t"]
 
 
-@pytest.mark.parametrize("ending", ["h5", "mcap"])
+@pytest.mark.parametrize("ending", quick_first(1, ["h5", "mcap"]))
 def test_commands_take_them(small_parts, logs, ending, tmp_path, capfd):
     rig = tmp_path / "rig.toml"
     rig.write_text(GIVEN.text)
@@ -278,6 +279,7 @@ print(own * (1 if sys.platform == "darwin" else 1024))
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("ending", "rows"), [("h5", 1_500_000), pytest.param("mcap", 600_000, marks=pytest.mark.long)])
 @pytest.mark.skipif(sys.platform == "win32", reason="no resource module")
 def test_memory_does_not_grow_with_the_log(tmp_path, ending, rows):

@@ -20,6 +20,7 @@ import large_logs
 import swingid as sw
 from closed_form_logs import INERTIA
 from large_logs import GIVEN, RATE, make_parts_small, write_large_log
+from long_cases import quick_first
 from swingid.cli import main
 from swingid.cli.progress import Progress
 from swingid.errors import InputError, UnanswerableError, UsageError
@@ -61,7 +62,7 @@ def recordings(large: LargeLog) -> list[Recording]:
     return found
 
 
-@pytest.mark.parametrize("method", ["momentum", "energy"])
+@pytest.mark.parametrize("method", quick_first(1, ["momentum", "energy"]))
 def test_the_parts_together_say_what_the_whole_log_says(small_parts, parquet, method):
     whole = sw.identify(Recording.load(parquet, GIVEN), GIVEN, method)
     large = sw.identify(LargeLog(str(parquet), GIVEN), GIVEN, method)
@@ -77,7 +78,7 @@ def test_the_parts_together_say_what_the_whole_log_says(small_parts, parquet, me
         assert large.parameters["coulomb"].value == pytest.approx(large_logs.COULOMB, rel=2e-3)
 
 
-@pytest.mark.parametrize("method", ["momentum", "energy"])
+@pytest.mark.parametrize("method", quick_first(1, ["momentum", "energy"]))
 def test_any_number_of_processes_gives_the_same_result(small_parts, parquet, tmp_path, method):
     columns = columns_of(parquet)
     columns["q1"][:60_000] = columns["q1"][0]  # a part without motion, whose refusal comes from another process, too
@@ -93,6 +94,7 @@ def test_any_number_of_processes_gives_the_same_result(small_parts, parquet, tmp
     assert told[-1] == (ROWS, ROWS)
 
 
+@pytest.mark.long
 def test_text_gives_the_same_parts_as_parquet(small_parts, parquet, tmp_path):
     text = tmp_path / "log.csv"
     pc.write_csv(pq.read_table(parquet), text)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from long_cases import quick_first
 from swingid.errors import InputError, UnanswerableError
 from swingid.numerics.test_functions import SLOPE_POWER, neighbour_overlaps, rate_overlaps
 from swingid.preparation.rate import Level, levelled, spins
@@ -82,7 +83,7 @@ def test_the_parts_of_a_random_walk_have_its_variance():
         assert variance == pytest.approx(0.3**2 * t, rel=1e-2)
 
 
-@pytest.mark.parametrize("kind", ["none", "direct"])
+@pytest.mark.parametrize("kind", quick_first(1, ["none", "direct"]))
 @pytest.mark.parametrize("rate_is", ["instant", "mean", "held"])
 def test_inertia_friction_and_bias_from_a_gyroscope(kind, rate_is):
     log, own = run(kind, log__angle_speed_is=rate_is)
@@ -243,7 +244,7 @@ def test_contradictions_of_a_rate_are_named(keys, says):
     assert says in str(problem.value)
 
 
-@pytest.mark.parametrize("drawn", [{}, {"axis__gravity_torque": 0, "axis__stiffness": 0.5}])
+@pytest.mark.parametrize("drawn", quick_first(1, [{}, {"axis__gravity_torque": 0, "axis__stiffness": 0.5}]))
 def test_a_bias_larger_than_the_swings_is_no_rotation(drawn):
     """As of a gyroscope in volts, about 1.36 V (browser-fork-gyro of benchmarks/strangers)."""
     log, own = run(**drawn)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from long_cases import quick_first
 from recording_cases import columns_of, rig_with, swing, write_columns
 from swingid.errors import InputError
 from swingid.model.rig import Rig
@@ -299,6 +300,7 @@ def test_no_row_of_a_clean_log_is_read_by_python_alone(tmp_path):
     assert sum(entry.callcount for entry in calls.getstats()) < len(log.time)
 
 
+@pytest.mark.long
 def test_real_logs_load_clean(data_dir):
     """EMPS (MATLAB, 1 kHz linear drive) and a free pendulum whose 0 is up."""
     emps = rig_with("direct", "linear", gravity=0.0, angle="qm", torque="vir", torque_gain=35.1507, reference="qg")
@@ -316,7 +318,7 @@ def test_real_logs_load_clean(data_dir):
 
 
 @pytest.mark.parametrize(
-    ("name", "log"), [("emps", "emps/DATA_EMPS.mat"), ("free_pendulum", "free_pendulum/free_swing.csv")]
+    ("name", "log"), quick_first(1, [("emps", "emps/DATA_EMPS.mat"), ("free_pendulum", "free_pendulum/free_swing.csv")])
 )
 def test_real_logs_load_with_the_example_rigs(data_dir, name, log):
     toml = Path(__file__).parents[2] / "examples" / "rigs" / f"{name}.toml"

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from long_cases import quick_first
 from recording_cases import columns_of, rig_with, swing, write_columns
 from swingid import Recording, identify
 from swingid.control.references import Multisine, Sine
@@ -82,7 +83,7 @@ def test_a_row_for_each_edge_of_the_encoder_shows_its_step(tmp_path, counts):
     assert [one for one in Recording.load(path, rig).findings if one.code == GRID] == []
 
 
-@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("unit", quick_first(1, UNITS))
 def test_a_grid_that_is_as_stated_is_none(tmp_path, unit):
     rng = np.random.default_rng(3)
     found = grids(tmp_path / "log.csv")
@@ -152,7 +153,7 @@ def wheel_log(path, *, absolute, **log):
     return Recording.load(path, rig), rig
 
 
-@pytest.mark.parametrize("method", ["momentum", "equation-error", "output-error"])
+@pytest.mark.parametrize("method", quick_first(1, ["momentum", "equation-error", "output-error"]))
 def test_a_wheel_angle_whose_reading_is_neither_stated_nor_verified_gives_both_numbers(tmp_path, method):
     log, rig = wheel_log(tmp_path / "log.csv", absolute=True)
     found = identify(log, rig, method)

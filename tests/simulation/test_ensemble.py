@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from long_cases import quick_first
 from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.observer import VelocityObserver
@@ -51,7 +52,7 @@ def difference(one, other) -> float:
     return max(float(np.abs(a - b).max()) for a, b in pairs if a is not None)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", quick_first(2, LAWS))
 def test_runs_are_those_of_simulate(law):
     rig = Rig.builtin("paper").changed({f"axis.friction.{key}": value for key, value in LAWS[law].items()})
     inertias = 302.2e-5 * np.linspace(0.7, 1.5, 35)
@@ -137,7 +138,7 @@ def test_compensators_of_other_relative_degrees_go_in_lanes(gains):
         assert np.ptp(alone.angle) > 0.01
 
 
-@pytest.mark.parametrize("law", ["printed", "consistent"])
+@pytest.mark.parametrize("law", quick_first(1, ["printed", "consistent"]))
 def test_backstepping_goes_in_lanes(law):
     rig = Rig.builtin("paper")
     controllers = [

@@ -168,6 +168,7 @@ def test_the_command_writes_results_summary_and_page(tmp_path: Path, capsys: pyt
     assert main(["campaign", "coverage", "--workers", "1", "--scheduler", "tcp://x:1"]) == 2
 
 
+@pytest.mark.long
 def test_runs_done_together_are_those_of_a_single_log(tmp_path: Path) -> None:
     """Batched estimates of 40 runs in blocks of 16: each run's truth, and the error of single logs."""
     text = (

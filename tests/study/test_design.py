@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from long_cases import quick_first
 from swingid.balance.motor import motor_torque
 from swingid.cli.app import run
 from swingid.control.references import Multisine, Sine
@@ -65,7 +66,7 @@ def test_a_direct_drive_needs_the_torque_of_the_equation():
 
 @pytest.mark.parametrize(
     ("sensors", "unknown"),
-    [(NOISY, False), (NOISY, True), ({"sensors.counts_per_turn": 512}, False)],
+    quick_first(1, [(NOISY, False), (NOISY, True), ({"sensors.counts_per_turn": 512}, False)]),
     ids=["noise", "noise, gravity unknown", "coarse encoder"],
 )
 def test_the_prediction_is_the_spread_of_fits(sensors, unknown):
@@ -131,6 +132,7 @@ def test_the_command_of_a_design_runs(noisy, tmp_path, monkeypatch):
     assert log.duration == pytest.approx(noisy.proposal.duration)
 
 
+@pytest.mark.long
 def test_more_certainty_takes_more_time():
     rig = PAPER.changed(NOISY)
     loose, tight = (design(rig, share, check=False, rate=500.0).proposal for share in ("0.1 %", "0.015 %"))

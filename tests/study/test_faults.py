@@ -35,6 +35,7 @@ def experiment_on(kind: str) -> Experiment:
     return Experiment(rig, without_truth(rig), motion, gains, 5.0, 1000.0, 0.0, False, ())
 
 
+@pytest.mark.long
 def test_every_grade_of_every_fault_changes_the_log_or_its_reading() -> None:
     clean = {}
     for kind in ("reaction-wheel", "none", "direct"):

@@ -14,8 +14,9 @@ export XDG_CACHE_HOME="$place/cache" PIP_DISABLE_PIP_VERSION_CHECK=1
     cat "$place/build.log" >&2
     exit 1
 }
-"$python" -m venv "$place/env"
-"$place/env/bin/python" -m pip install -qq "$place"/dist/swingid-*.whl
+# without a pip of its own and without bytecode of modules that nobody imports, which take as long as the rest
+"$python" -m venv --without-pip "$place/env"
+"$python" -m pip --python "$place/env/bin/python" install -qq --no-compile "$place"/dist/swingid-*.whl
 export PATH="$place/env/bin:$PATH"
 
 mkdir "$place/work"

@@ -13,6 +13,7 @@ import pytest
 
 import live_host
 import swingid as sw
+from long_cases import long
 from swingid.cli.app import run as swingid
 from swingid.errors import DeviceError, InputError, UsageError
 from swingid.live.api import LiveRig
@@ -94,10 +95,10 @@ def test_the_same_seed_gives_the_same_file(tmp_path: Path) -> None:
         (["--reference", REFERENCE, "--until", "much"], 2, "0.05%"),
         (["--reference", REFERENCE, "--until", "200%"], 2, "0.05%"),
         (["--reference", REFERENCE, "--duration", "-3"], 2, "duration"),
-        (["--reference", REFERENCE, "--duration", "3", "--device", "warp://9"], 2, "warp"),
+        long((["--reference", REFERENCE, "--duration", "3", "--device", "warp://9"], 2, "warp")),
         (["--reference", REFERENCE, "--device", "twin://paper?rate=3"], 2, "rate"),
         (["--reference", REFERENCE, "--duration", "3", "--device", "tcp://127.0.0.1:1"], 5, "127.0.0.1"),
-        (["--reference", REFERENCE, "--duration", "3", "--device", "serial:///dev/none"], 5, "/dev/none"),
+        long((["--reference", REFERENCE, "--duration", "3", "--device", "serial:///dev/none"], 5, "/dev/none")),
     ],
 )
 def test_what_is_refused_before_the_rig_moves(

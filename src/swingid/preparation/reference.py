@@ -84,9 +84,11 @@ def reference_of(rig: Rig) -> Reference | None:
     """
     wheel = rig.drive.wheel
     if wheel is not None and isinstance(wheel.inertia, UnknownScale):
-        # the motor's constants are in N m, of which nothing else is
-        gear = None if rig.drive.motor is None else rig.drive.motor.gear_ratio.value
-        return _driven(rig, WHEEL, "wheel_inertia", {"drive.motor": {"gear_ratio": gear} if gear else None})
+        # the motor's constants are in N m, of which nothing else is; the unit is wheel and rotor
+        motor = {"rotor_inertia": 0.0}
+        if rig.drive.motor is not None:
+            motor["gear_ratio"] = rig.drive.motor.gear_ratio.value
+        return _driven(rig, WHEEL, "wheel_inertia", {"drive.motor": motor})
     if rig.drive.channel == "torque" and isinstance(rig.log.torque_gain, UnknownScale):
         return _driven(rig, GAIN, "torque_gain", {})
     b, held = rig.axis.gravity_torque, [term for term in rig_terms(rig) if term.term.is_conservative]

@@ -109,7 +109,9 @@ ROW_ONE = (
 
 def exact_in_row_one(rig: Rig) -> list[Message]:
     """The note that names the constants of equation (I) without a stated uncertainty."""
-    keys = {*ROW_ONE, *(term.key for term in further_terms())}
+    keys, motor = {*ROW_ONE, *(term.key for term in further_terms())}, rig.drive.motor
+    if motor is not None and motor.rotor_inertia == Quantity(0.0):  # a gear without a rotor does nothing
+        keys -= {"drive.motor.rotor_inertia", "drive.motor.gear_ratio"}
     return exact_constants([key for key in rig.constants_without_uncertainty() if key in keys])
 
 

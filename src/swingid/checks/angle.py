@@ -27,6 +27,7 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.zero import centre_of
+from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import CERTAIN, DETECTED, INDICATED
 
 USUAL = {
@@ -43,6 +44,9 @@ USUAL = {
 
 ROUNDS = 12
 """Gauss–Newton steps, each at most by a factor of two: enough for degrees that are stated for radians."""
+
+ZERO = "zero of the angle"
+"""Source of `zero_entry` in the budget."""
 
 OFFSETS = 3
 """The same for the offset of the angle."""
@@ -204,6 +208,11 @@ class _Offset:
         """Whether the offset is significant."""
         return bool(CERTAIN * self.spread < abs(self.value) < np.pi / 2)
 
+    def unexplained(self, a11: float, u: float) -> float:
+        """Standard uncertainty that an a11 of standard uncertainty u has by it."""
+        change = self.a11 - a11
+        return dark_uncertainty(change, (change * self.spread / self.value) ** 2, u) if self.value else 0.0
+
 
 def zero_off(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     """Whether the zero offset of the angle is so large that the inertia is biased.
@@ -216,9 +225,9 @@ def zero_off(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     law, signals = evidence.law, evidence.signals
     if not law.equation.value("gravity_torque") or signals.linear:
         return None
-    found, unless = _offset(law, signals, law.friction), ""
+    found, unless = _offset(law, signals), ""
     if not (found.certain and judged.matters(found.a11 - law.a11, "angle")):
-        found = _offset(law, signals, tuple(name for name in law.friction if name != "viscous_even"))
+        found = _offset(law, signals, without="viscous_even")
         if not found.certain or found.left > AS_GOOD * float(law.fit.residuals @ law.fit.residuals):
             return []
         unless = ", unless it is friction that depends on the direction, which is not distinguishable in this motion"
@@ -234,8 +243,30 @@ def zero_off(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     return [Finding(found.a11 - law.a11, text)]
 
 
-def _offset(law: WindowFit, signals: Signals, friction: tuple[str, ...]) -> _Offset:
-    """δ of the angle from the rows of a fit, with these terms of friction beside it; one round where there is none."""
+def zero_entry(evidence: Evidence, u: float) -> float:
+    """Standard uncertainty of a11 by a zero of the angle that is not the hanging position.
+
+    It is the unexplained difference to the fit with the zero free, which swings to both sides hardly notice. Also in
+    the place of friction that depends on the direction, where that describes the rows as well.
+    """
+    law, signals = evidence.law, evidence.signals
+    if not law.equation.value("gravity_torque") or signals.linear:
+        return 0.0
+    found, other = _offset(law, signals), _offset(law, signals, without="viscous_even")
+    as_good = other.left <= AS_GOOD * float(law.fit.residuals @ law.fit.residuals)
+    return max(one.unexplained(law.a11, u) for one in ((found, other) if as_good else (found,)))
+
+
+def _offset(law: WindowFit, signals: Signals, without: str = "") -> _Offset:
+    """δ of the angle from the rows of a fit, computed once; one round where there is none.
+
+    without: the name of a term of friction that is left out.
+    """
+    key = f"offset without {without}"
+    if key in law.kept:
+        found: _Offset = law.kept[key]
+        return found
+    friction = tuple(name for name in law.friction if name != without)
     sine, cosine, b = law.rows["gravity_torque"], shape_columns(law, signals)[COSINE][:, 0], law.value("gravity_torque")
     offset, spread = 0.0, 0.0
     for _ in range(OFFSETS):
@@ -246,4 +277,5 @@ def _offset(law: WindowFit, signals: Signals, friction: tuple[str, ...]) -> _Off
         spread = float(np.sqrt(fit.covariance(LAG)[-1, -1])) / b
         if abs(offset) < CERTAIN * spread:
             break
-    return _Offset(offset, spread, float(fit.values[0]), float(fit.residuals @ fit.residuals))
+    law.kept[key] = _Offset(offset, spread, float(fit.values[0]), float(fit.residuals @ fit.residuals))
+    return _offset(law, signals, without)

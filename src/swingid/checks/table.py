@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from swingid.balance.parts import unexplained
 from swingid.balance.systematics import place_torque
-from swingid.checks.angle import scale_off, zero_off
+from swingid.checks.angle import ZERO, scale_off, zero_entry, zero_off
 from swingid.checks.closure import balance_open
 from swingid.checks.hypothesis import Evidence, Hypothesis, Judged
 from swingid.checks.latency import channel_late
@@ -47,7 +47,8 @@ TABLE = (
     Hypothesis("torque", "torque-computed", torque_computed, "the torque is no linear function of the angle",
                limit="alone", note=True, contradicts=True),
     Hypothesis("angle-zero", "zero-off", zero_off, "zero of the angle",
-               limit="angle", kind=Kind.ANGLE_ZERO, contradicts=True),
+               limit="angle", kind=Kind.ANGLE_ZERO, contradicts=True,
+               entries=lambda evidence, u, own: {ZERO: zero_entry(evidence, u)}),
     Hypothesis("angle-scale", "angle-scale", scale_off, "scale of the angle",
                limit="angle", unless=("zero-off",), contradicts=True),
     # with the disagreement of windows, which a wrong scale causes, the interval would hide it
@@ -86,7 +87,7 @@ TABLE = (
 CONTRADICTIONS = tuple(one.code for one in TABLE if one.contradicts)
 """Codes of what a log contradicts in its rig file, each with an entry of the budget that holds the disagreement."""
 
-NAMED = (CONFLICT, PLACE, PARTS)
+NAMED = (ZERO, CONFLICT, PLACE, PARTS)
 """Sources of the budget that are named by messages, and neither make an answer hopeless nor hide its causes."""
 
 

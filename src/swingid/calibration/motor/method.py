@@ -198,13 +198,16 @@ def _compared(
     products = {name: parameters[name] for name in list(UNITS)[:4] if name in parameters}
     clear = {name: p for name, p in products.items() if abs(p.value) > CLEAR * (p.standard_uncertainty or 0)}
     gaps = {name: abs(own[name] / parameter.value - 1) for name, parameter in clear.items()}
+    residual = f"the simulated wheel differs from the logged angle by {max(refined.levels):.3g} rad (RMS)."
+    left_over = Message("left-over", residual)
+    if not gaps:
+        return [], [left_over]
     worst = max(gaps, key=lambda name: gaps[name])
     text = (
         f"modulating functions (±{first.half:.3g} s) and output error ({len(refined.shots)} shots) differ by "
         f"{100 * gaps[worst]:.2g} % at most, in {worst}."
     )
-    residual = f"the simulated wheel differs from the logged angle by {max(refined.levels):.3g} rad (RMS)."
-    notes = [Message("two-ways", text), Message("left-over", residual)]
+    notes = [Message("two-ways", text), left_over]
     serious = [name for name in gaps if differs[name] and gaps[name] > SERIOUS]
     if not serious:
         return [], notes

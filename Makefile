@@ -13,6 +13,8 @@ BIN := .venv/bin
 PACKAGE := .venv/.package
 STAMP := .venv/.installed
 
+unexport PYTHONDONTWRITEBYTECODE  # bytecode is kept: the tests start a hundred processes that import the package
+
 .PHONY: demo test test-long docs bench speed bench-ensemble peers compare-with venv format style types layers wheel unit clean
 
 demo: $(PACKAGE)

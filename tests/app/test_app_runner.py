@@ -77,6 +77,7 @@ def test_stop_before_a_run_has_begun_moves_nothing(runner, tmp_path):
     assert runner.words_at_end() == "the page has ended; no run was recorded"
 
 
+@pytest.mark.long
 def test_a_second_stop_is_a_hard_one(runner, tmp_path):
     out = tmp_path / "run.mcap"
     runner.start(Task("run", "", "paper", SINE, 300.0, out=str(out)))

@@ -17,6 +17,7 @@ from test_firmware_controller import steps
 
 from firmware_build import FIRMWARE
 from live_host import RIG, arm_frame, encode, experiment, parameter_frames, reference_frames
+from long_cases import quick_first
 from nucleo_chip import DOG, GPIOA, GPIOB, IWDG, MOST, RCC, SPI1, SUPPLY, TIM1, TIM6, USART2, As5048a, Chip
 from swingid.cli.app import run as swingid
 from swingid.control.compensator import Compensator
@@ -305,6 +306,7 @@ def test_values_that_a_board_can_have_are_taken() -> None:
         assert subprocess.run(command, capture_output=True, text=True).stdout == ""
 
 
+@pytest.mark.long
 def test_in_single_precision_every_order_has_the_time_and_other_voltages(tmp_path: Path) -> None:
     """The build that is not shipped: README.md has its figures beside those of doubles."""
     if shutil.which("arm-none-eabi-gcc") is None or shutil.which("make") is None:
@@ -320,6 +322,7 @@ def test_in_single_precision_every_order_has_the_time_and_other_voltages(tmp_pat
     assert [f.state for f in runs[0]] == [f.state for f in runs[1]]
 
 
+@pytest.mark.long
 def test_the_compiler_of_pypi_makes_an_image_that_does_the_same(tmp_path: Path) -> None:
     if importlib.util.find_spec("ziglang") is None or shutil.which("make") is None:
         pytest.skip("ziglang is not installed (pip install 'swingid[cortex]'), or make is not on PATH")
@@ -439,7 +442,7 @@ LASTING = {
 }
 
 
-@pytest.mark.parametrize("name", LASTING)
+@pytest.mark.parametrize("name", quick_first(3, LASTING))
 def test_an_encoder_that_cannot_be_trusted_ends_the_run_within_five_samples(name: str) -> None:
     _, frames = struck(LASTING[name])
     fault = fault_of(frames)

@@ -569,6 +569,7 @@ def alive(pid: int) -> bool:
     return not sys.platform.startswith("linux")
 
 
+@pytest.mark.long
 def test_a_device_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match=r"127\.0\.0\.1"):
         ProcessConductor(RIG, "tcp://127.0.0.1:1").run(order(1.0), tmp_path / "run.mcap")

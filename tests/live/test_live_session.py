@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from live_host import LIMITS, RIG
+from long_cases import quick_first
 from swingid.control.compensator import Compensator
 from swingid.control.references.parse import parse_reference
 from swingid.errors import DeviceError, InputError, UsageError
@@ -135,7 +136,7 @@ EVERY = {
 }
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", quick_first(2, EVERY))
 def test_a_bad_link_loses_samples_but_no_run(name: str) -> None:
     done = session_on(Lossy(twin_of(RIG), *EVERY[name])).run(SINE)
     assert done.end.reason is Reason.FINISHED

@@ -10,6 +10,7 @@ import pytest
 import live_host
 from firmware_build import CoreDevice
 from live_host import encode, experiment
+from long_cases import quick_first
 from swingid.control import law
 from swingid.control.compensator import Compensator
 from swingid.control.law import compensator_step
@@ -142,7 +143,7 @@ def test_the_papers_experiment_over_the_link_is_that_of_the_twin() -> None:
     assert abs(run[24_999].gain / expected[-1, 3] - 1) < 1e-6
 
 
-@pytest.mark.parametrize("name", ["paper", "paper-body"])
+@pytest.mark.parametrize("name", quick_first(1, ["paper", "paper-body"]))
 def test_momentum_finds_the_inertia_in_its_interval(name: str) -> None:
     rig = Rig.load(name)
     assert rig.axis.inertia is not None

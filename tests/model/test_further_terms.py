@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from long_cases import quick_first
 from motion_by_events import motion
 from swingid.control.references import Multisine, Sine
 from swingid.errors import InputError, UnanswerableError
@@ -145,7 +146,7 @@ def test_an_ensemble_keeps_a_term_that_its_lanes_do_not_know():
 # The methods.
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", quick_first(2, METHODS))
 def test_a_method_finds_the_inertia_and_the_term(case, method):
     name, rig, log = case
     found = sw.identify(log, rig.changed(SOUGHT[name]), method=method)
@@ -184,7 +185,7 @@ KEYS = {
 }
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", quick_first(2, METHODS))
 def test_a_stated_term_is_known_with_its_uncertainty(case, method):
     name, rig, log = case
     if name not in STATED:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from long_cases import quick_first
 from swingid.cli import main
 from swingid.format import time_power
 from swingid.model.rig.drive import cosine
@@ -120,7 +121,7 @@ def test_a_stated_clock_is_corrected(free: tuple[sw.Recording, sw.Rig], tmp_path
     assert sw.Recording.load(path, rated).time[1000] == pytest.approx(1 / 1.002, rel=1e-9)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", quick_first(2, METHODS))
 def test_where_gravity_sets_the_scale_the_closed_forms_hold(free: tuple[sw.Recording, sw.Rig], method: str) -> None:
     log, exact = free
     rig = exact.changed(UNSTATED_FREE)
@@ -139,7 +140,7 @@ def test_where_gravity_sets_the_scale_the_closed_forms_hold(free: tuple[sw.Recor
     assert tilted.inertia.value / plain.inertia.value == pytest.approx(np.cos(np.deg2rad(10)), rel=1e-4)
 
 
-@pytest.mark.parametrize("method", ["momentum", "equation-error", "energy"])
+@pytest.mark.parametrize("method", quick_first(1, ["momentum", "equation-error", "energy"]))
 def test_the_effects_are_those_that_are_found_by_trying(driven: sw.Recording, method: str) -> None:
     result, plain = sw.identify(driven, PAPER.changed(UNSTATED), method), sw.identify(driven, PAPER, method)
     slopes = {(e.source, e.parameter): e.sensitivity for e in result.budget}

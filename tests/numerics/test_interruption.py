@@ -120,6 +120,7 @@ def test_while_kernels_are_compiled(started, log, tmp_path, seconds, group):
     assert target.read_text() == "as it was"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("group", quick_first(1, [True, False]))
 def test_compilation_keeps_its_kernels(started, tmp_path, group):
     one = started("compile", "simulate", environment={"NUMBA_CACHE_DIR": str(tmp_path)})
@@ -153,7 +154,7 @@ def test_a_large_log(started, tmp_path, seconds, group):
     assert not (tmp_path / "r.json").exists()
 
 
-@pytest.mark.parametrize("command", quick_first(2, ["simulate", "design", "calibrate", "encoders"]))
+@pytest.mark.parametrize("command", quick_first(1, ["simulate", "design", "calibrate", "encoders"]))
 def test_commands_of_one_answer(started, log, tmp_path, command):
     """Of these a kernel of many rows runs, or many small fits."""
     (tmp_path / "out").mkdir()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from long_cases import quick_first
 from swingid.numerics.arrays import Array
 from swingid.preparation.beat import ages, on_rows
 from swingid.recording.findings import notes_of
@@ -59,7 +60,7 @@ def test_what_is_no_beat_is_left() -> None:
     assert ages(turned(TIME), 0.0) is None
 
 
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", quick_first(1, [1, -1]))
 def test_a_beat_at_twice_the_frequency_no_longer_looks_like_inertia(sign: int) -> None:
     sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
     import unstated_encoders as bench

@@ -10,6 +10,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,13 @@ def test_layers_in_architecture_are_those_of_the_contract() -> None:
     assert f"    {line}\n" in (DOCS / "architecture.md").read_text(encoding="utf-8")
 
 
+@cache
+def folders() -> tuple[Path, ...]:
+    """Where a page's names of files may begin."""
+    return (PACKAGE, PACKAGE.parent, ROOT, *PACKAGE.rglob("*/"))
+
+
+@cache
 def defined(path: Path) -> set[str]:
     """Names of functions and classes that a file defines, at its top level or inside a class."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -63,7 +71,7 @@ def defined(path: Path) -> set[str]:
 def test_functions_and_files_that_a_page_names_exist(page: Path) -> None:
     missing = []
     for file, name in re.findall(r"`((?:tests/)?[\w/]+\.py)(?:::?(\w+))?`", prose(page)):
-        places = [base / file for base in (PACKAGE, PACKAGE.parent, ROOT, *PACKAGE.rglob("*/"))]
+        places = [base / file for base in folders()]
         found = [place for place in places if place.is_file()]
         if not found or (name and not any(name in defined(place) for place in found)):
             missing.append(f"{file}:{name}")

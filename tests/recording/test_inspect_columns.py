@@ -225,6 +225,7 @@ def test_real_logs_against_their_rigs(data_dir, log, rig, status) -> None:
     assert bool(doubts) == (rig == "dfki_pendulum")
 
 
+@pytest.mark.long
 def test_real_logs_without_a_rig(data_dir) -> None:
     emps = inspect_log(data_dir / "emps" / "DATA_EMPS.mat")
     columns = {role: found.column for role, found in emps.roles.found.items()}

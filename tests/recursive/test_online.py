@@ -23,6 +23,7 @@ from closed_form_logs import (
     free_rig,
     wheel_log,
 )
+from long_cases import quick_first
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.numerics.regression import fit_linear
 from swingid.recording.recording import Recording
@@ -104,7 +105,7 @@ def estimates_at_once(log, rig, method):
     return found
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", quick_first(1, METHODS))
 def test_the_same_numbers_as_over_all_swings_at_once(twin_log, method):
     log, rig = twin_log
     uncertain = rig.changed(
@@ -205,6 +206,7 @@ def test_the_buffer_keeps_three_swings_whatever_the_length():
     assert buffer.lost == 0
 
 
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_stream():
     import tracemalloc
 
@@ -335,6 +337,7 @@ def test_energy_needs_the_voltage_and_says_so():
     assert "voltage" in raised.value.message
 
 
+@pytest.mark.long
 def test_the_uncertainty_is_that_of_the_scatter_over_noise():
     """Over draws of white noise of 1 mrad the running inertia scatters as it says, within what 12 runs tell."""
     log, rig = two_tones(), exact_rig(**{"sensors.noise": 1e-3})

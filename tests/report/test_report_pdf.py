@@ -50,9 +50,12 @@ authorised_by = "A. Example"
 """
 
 
+DAY = "1795305600"  # 2026-11-22
+
+
 @pytest.fixture(autouse=True)
 def _fixed_day(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1795305600")  # 2026-11-22
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", DAY)
 
 
 def lab(tmp_path: Path, text: str = LAB) -> Path:
@@ -72,10 +75,12 @@ def with_checks(result: Result) -> Result:
     return replace(result, details=replace(result.details, checks=("signs", "angle-zero")))
 
 
-@pytest.fixture
-def clean(tmp_path: Path) -> tuple[Any, list[str]]:
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, list[str]]:
     case = with_checks(factories.clean_result()), factories.rotary_log(), factories.rotary_rig()
-    return read(write_report(*case, tmp_path / "r.PDF"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SOURCE_DATE_EPOCH", DAY)
+        return read(write_report(*case, tmp_path_factory.mktemp("pdf") / "r.PDF"))
 
 
 def test_the_content_is_that_of_the_page_in_its_order(clean: tuple[Any, list[str]]) -> None:

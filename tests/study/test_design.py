@@ -140,6 +140,7 @@ def test_more_certainty_takes_more_time():
     assert tight.relative <= 1.5e-4
 
 
+@pytest.mark.long
 def test_unknown_gravity_takes_two_frequencies():
     plan = design(
         PAPER.changed(NOISY | {"axis.gravity_torque": "unknown"}), "0.2 %", gravity_torque="78 mN*m", rate=500.0

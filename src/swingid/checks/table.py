@@ -27,14 +27,15 @@ from swingid.checks.stability import (
     slow_entries,
 )
 from swingid.checks.stated import CONFLICT, conflict, encoders_bent, gravity_off
+from swingid.checks.wheel import SLIP, slip_entry, wheel_slips
 from swingid.recording.findings import Kind
 from swingid.result.result import Message
 
 ANGLE = ("zero-off", "angle-scale")
 """Codes of contradictions of the angle: each changes the gravity torque too."""
 
-ASIDE = ("zero-off", "gravity-torque-disagrees", "encoder-nonlinearity")
-"""What seems to be a torque that depends on the angle; an error of its scale is one that is."""
+ASIDE = ("zero-off", "wheel-slips", "gravity-torque-disagrees", "encoder-nonlinearity")
+"""What may seem to be a torque that depends on the angle; an error of its scale is one that is."""
 
 BIASED = ("torque-computed", "angle-scale", *ASIDE, "place-torque")
 """What leaves residuals of the balance."""
@@ -49,13 +50,16 @@ TABLE = (
     Hypothesis("angle-zero", "zero-off", zero_off, "zero of the angle",
                limit="angle", kind=Kind.ANGLE_ZERO, contradicts=True,
                entries=lambda evidence, u, own: {ZERO: zero_entry(evidence, u)}),
+    Hypothesis("wheel", "wheel-slips", wheel_slips, "the wheel follows its encoder",
+               limit="place", note=True, contradicts=True,
+               entries=lambda evidence, u, own: {SLIP: slip_entry(evidence, u)}),
     Hypothesis("angle-scale", "angle-scale", scale_off, "scale of the angle",
-               limit="angle", unless=("zero-off",), contradicts=True),
+               limit="angle", unless=("zero-off", "wheel-slips"), contradicts=True),
     # with the disagreement of windows, which a wrong scale causes, the interval would hide it
     Hypothesis("gravity-torque", "gravity-torque-disagrees",
                lambda evidence, judged: gravity_off(evidence.law, evidence.tried, evidence.signals, evidence.part.rig),
                "gravity torque as stated against the log",
-               limit="gravity", unless=ANGLE, kind=Kind.GRAVITY_TORQUE, contradicts=True,
+               limit="gravity", unless=(*ANGLE, "wheel-slips"), kind=Kind.GRAVITY_TORQUE, contradicts=True,
                entries=lambda evidence, u, own: {CONFLICT: conflict(evidence, u)}),
     Hypothesis("encoders", "encoder-nonlinearity", encoders_bent, "encoder nonlinearity as stated against the log",
                limit="balance", own=True, kind=Kind.ENCODER_NONLINEARITY, contradicts=True),
@@ -87,7 +91,7 @@ TABLE = (
 CONTRADICTIONS = tuple(one.code for one in TABLE if one.contradicts)
 """Codes of what a log contradicts in its rig file, each with an entry of the budget that holds the disagreement."""
 
-NAMED = (ZERO, CONFLICT, PLACE, PARTS)
+NAMED = (ZERO, SLIP, CONFLICT, PLACE, PARTS)
 """Sources of the budget that are named by messages, and neither make an answer hopeless nor hide its causes."""
 
 

@@ -1,0 +1,83 @@
+"""Whether the wheel follows its encoder: one that slips by a share s on the shaft of its encoder as it turns one way.
+
+The wheel then turns by q2 − s/2 (q2 ± ∫|q2'|), + for a slip as it turns forward. In equation (I) the even part, of
+∫|q2'|, is as no term is, and gives s; the other is as a smaller inertia of the wheel, and follows from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swingid.balance.fits import LAG, WindowFit
+from swingid.balance.rows import Signals
+from swingid.checks.hypothesis import Evidence, Finding, Judged
+from swingid.format import percent, plus_minus
+from swingid.numerics.regression import fit_linear
+from swingid.numerics.test_functions import project
+from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.significance import BETTER, CERTAIN
+
+SLIP = "wheel that slips on its encoder's shaft"
+"""Source of `slip_entry` in the budget."""
+
+
+@dataclass(frozen=True)
+class _Slip:
+    """Share s, negative of a slip as it turns back, with its standard uncertainty, the change of a11 by it, and the
+    ratio of the residuals with it.
+    """
+
+    value: float
+    u: float
+    change: float
+    ratio: float
+
+
+def wheel_slips(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+    """Whether a wheel that slips one way explains what the balance leaves."""
+    found = _slip(evidence.law, evidence.signals)
+    if found is None:
+        return None
+    if abs(found.value) <= CERTAIN * found.u or found.ratio > BETTER:
+        return []
+    text = (
+        f"the wheel seems to slip by {plus_minus(100 * abs(found.value), 100 * found.u, '%')} on the shaft of its "
+        f"encoder as it turns {'forward' if found.value > 0 else 'back'}, which reduces the residuals of the balance to {found.ratio:.0%} and changes the "
+        f"inertia by {percent(found.change / evidence.law.inertia, sign=True)}; tighten the wheel and record again."
+    )
+    return [Finding(found.change, text)]
+
+
+def slip_entry(evidence: Evidence, u: float) -> float:
+    """Standard uncertainty of a11 by a wheel that slips: the unexplained difference to the fit with it."""
+    found = _slip(evidence.law, evidence.signals)
+    if found is None or found.value == 0:
+        return 0.0
+    return dark_uncertainty(found.change, (found.change * found.u / found.value) ** 2, u)
+
+
+def _slip(law: WindowFit, signals: Signals) -> _Slip | None:
+    """The slip by the rows of a fit, computed once; None without the angle of a wheel."""
+    rate, a12 = signals.wheel_rate, law.value("wheel")
+    if rate is None or not a12:
+        return None
+    if SLIP not in law.kept:
+        travel = np.cumsum(np.abs(rate.ravel()) * signals.nodes.flat[1]).reshape(signals.angle.shape)
+        windows = law.rows.windows
+        even = a12 / 2 * project(signals.nodes, [(travel, 2)], windows.centres, windows.half)[:, 0]
+        # scales of wheel and gravity that are not as stated leave residuals, too: in proportion to gravity
+        sought = law.equation.seeks("gravity_torque") or not law.value("gravity_torque")
+        others = law.columns if sought else np.column_stack([law.columns, law.rows["gravity_torque"]])
+        plain, fit = (fit_linear(x, law.known + law.explained) for x in (others, np.column_stack([others, even])))
+        share = -float(fit.values[-1])
+        lacking = share * even + abs(share) * a12 / 2 * law.rows["wheel"]
+        law.kept[SLIP] = _Slip(
+            share,
+            float(np.sqrt(fit.covariance(LAG)[-1, -1])),
+            float(law.fit.influence[0] @ lacking),
+            float(np.linalg.norm(fit.residuals) / max(np.linalg.norm(plain.residuals), 1e-300)),
+        )
+    found: _Slip = law.kept[SLIP]
+    return found

@@ -247,10 +247,11 @@ def zero_entry(evidence: Evidence, u: float) -> float:
     """Standard uncertainty of a11 by a zero of the angle that is not the hanging position.
 
     It is the unexplained difference to the fit with the zero free, which swings to both sides hardly notice. Also in
-    the place of friction that depends on the direction, where that describes the rows as well.
+    the place of friction that depends on the direction, where that describes the rows as well. A free decay has its
+    zero from the centre of its swings, see `preparation.zero`.
     """
     law, signals = evidence.law, evidence.signals
-    if not law.equation.value("gravity_torque") or signals.linear:
+    if not law.equation.value("gravity_torque") or signals.linear or not _is_driven(law):
         return 0.0
     found, other = _offset(law, signals), _offset(law, signals, without="viscous_even")
     as_good = other.left <= AS_GOOD * float(law.fit.residuals @ law.fit.residuals)

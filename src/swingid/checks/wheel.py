@@ -42,10 +42,12 @@ def wheel_slips(evidence: Evidence, judged: Judged) -> list[Finding] | None:
         return None
     if abs(found.value) <= CERTAIN * found.u or found.ratio > BETTER:
         return []
+    share = plus_minus(100 * abs(found.value), 100 * found.u, "%")
+    way = "forward" if found.value > 0 else "back"
     text = (
-        f"the wheel seems to slip by {plus_minus(100 * abs(found.value), 100 * found.u, '%')} on the shaft of its "
-        f"encoder as it turns {'forward' if found.value > 0 else 'back'}, which reduces the residuals of the balance to {found.ratio:.0%} and changes the "
-        f"inertia by {percent(found.change / evidence.law.inertia, sign=True)}; tighten the wheel and record again."
+        f"the wheel seems to slip by {share} on the shaft of its encoder as it turns {way}, which reduces the "
+        f"residuals of the balance to {found.ratio:.0%} and changes the inertia by "
+        f"{percent(found.change / evidence.law.inertia, sign=True)}; tighten the wheel and record again."
     )
     return [Finding(found.change, text)]
 

@@ -79,7 +79,7 @@ def _slip(law: WindowFit, signals: Signals) -> _Slip | None:
             share,
             float(np.sqrt(fit.covariance(LAG)[-1, -1])),
             float(law.fit.influence[0] @ lacking),
-            float(np.linalg.norm(fit.residuals) / max(np.linalg.norm(plain.residuals), 1e-300)),
+            float(np.linalg.norm(fit.residuals)) / max(float(np.linalg.norm(plain.residuals)), 1e-300),
         )
     found: _Slip = law.kept[SLIP]
     return found

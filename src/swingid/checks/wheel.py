@@ -22,6 +22,10 @@ from swingid.uncertainty.significance import BETTER, CERTAIN
 SLIP = "wheel that slips on its encoder's shaft"
 """Source of `slip_entry` in the budget."""
 
+LARGEST = 0.1
+"""Share above which it is another error: products of shares, which the rows leave out, are 5 % of the effect there, and
+a slow motion, in whose rows a slip hardly is, takes any remainder of the residuals as a share of 50 % to 200 %."""
+
 
 @dataclass(frozen=True)
 class _Slip:
@@ -40,7 +44,7 @@ def wheel_slips(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     found = _slip(evidence.law, evidence.signals)
     if found is None:
         return None
-    if abs(found.value) <= CERTAIN * found.u or found.ratio > BETTER:
+    if not CERTAIN * found.u < abs(found.value) <= LARGEST or found.ratio > BETTER:
         return []
     share = plus_minus(100 * abs(found.value), 100 * found.u, "%")
     way = "forward" if found.value > 0 else "back"
@@ -55,7 +59,7 @@ def wheel_slips(evidence: Evidence, judged: Judged) -> list[Finding] | None:
 def slip_entry(evidence: Evidence, u: float) -> float:
     """Standard uncertainty of a11 by a wheel that slips: the unexplained difference to the fit with it."""
     found = _slip(evidence.law, evidence.signals)
-    if found is None or found.value == 0:
+    if found is None or not 0 < abs(found.value) <= LARGEST:
         return 0.0
     return dark_uncertainty(found.change, (found.change * found.u / found.value) ** 2, u)
 

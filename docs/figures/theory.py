@@ -23,7 +23,7 @@ import swingid as sw
 from swingid.numerics.test_functions import phi
 
 IMAGES = Path(__file__).resolve().parents[1] / "images"
-BLUE, ORANGE, GREY = "#1f5fa8", "#c8541b", "#6b7280"
+BLUE, ORANGE, GREY = "#0072B2", "#E69F00", "#6A737D"
 MILLI = 1e3
 LOOK = {
     "font.size": 11.0,
@@ -53,17 +53,18 @@ def window() -> Figure:
     figure, axes = plt.subplots(3, 1, figsize=(6.4, 4.6), sharex=True, height_ratios=(1.3, 1, 1.2))
     axes[0].plot(time, angle, color=GREY)
     axes[0].plot(time[inside], angle[inside], color=BLUE, linewidth=2.5)
-    axes[0].set(title="measured angle $q_1$, rad; one window in blue")
+    axes[0].set(title="A window (blue) uses a part of the measured angle $q_1$, rad", yticks=(-0.5, 0, 0.5))
     axes[1].fill_between(time, weight, color=BLUE, alpha=0.25)
     axes[1].plot(time, weight, color=BLUE)
-    axes[1].set(title="modulating function $\\varphi$: zero with its slope at both ends")
+    axes[1].set(title="The modulating function $\\varphi$ ends with value and slope zero", yticks=(0, 0.5, 1))
     product = curvature * angle
     axes[2].fill_between(time, product, where=inside, color=ORANGE, alpha=0.35)
     axes[2].plot(time, product, color=ORANGE)
     axes[2].axhline(0, color=GREY, linewidth=0.6)
     axes[2].set(
-        title="$\\varphi''\\,q_1$, rad/s²: its area is $\\int\\varphi\\,\\ddot q_1$, without an acceleration",
+        title="The area of $\\varphi''\\,q_1$, rad/s², is $\\int\\varphi\\,\\ddot q_1$: no acceleration is needed",
         xlabel="time, s",
+        yticks=(-25, 0, 25, 50),
     )
     return figure
 
@@ -79,14 +80,17 @@ def impulse() -> Figure:
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 3.6), sharex=True, height_ratios=(1, 1.6))
     axes[0].plot(MILLI * time, speed, color=GREY)
     axes[0].axhline(0, color=GREY, linewidth=0.6)
-    axes[0].set(title="speed, rad/s: the body reverses at 0")
+    axes[0].set(title="The body reverses at 0: speed, rad/s", yticks=(0, 0.5, 1))
     axes[1].fill_between(MILLI * time, MILLI * kept, MILLI * jump, where=time > 0, color=ORANGE, alpha=0.35)
-    axes[1].plot(
-        MILLI * time, MILLI * jump, color=GREY, linestyle="--", label="Coulomb: jumps with the sign of the speed"
+    axes[1].plot(MILLI * time, MILLI * jump, color=GREY, linestyle="--")
+    axes[1].plot(MILLI * time, MILLI * kept, color=BLUE)
+    axes[1].set(title="Friction follows 1 mrad later: torque, mN m", xlabel="time after the reversal, ms")
+    area = 1e6 * np.trapezoid((jump - kept)[time > 0], time[time > 0])
+    axes[1].annotate(
+        f"the area is the impulse, {area:.0f} µN m s", (4, 1), (19, 0), arrowprops={"arrowstyle": "-", "color": GREY}
     )
-    axes[1].plot(MILLI * time, MILLI * kept, color=BLUE, label="dynamic friction: follows 1 mrad later")
-    axes[1].set(title="friction torque, mN m: the area is the impulse, N m s", xlabel="time after the reversal, ms")
-    axes[1].legend(loc="lower right")
+    axes[1].text(10, -1.5, "dynamic friction", color=BLUE)
+    axes[1].text(-1, 3, "Coulomb friction", color=GREY, ha="right", va="center")
     return figure
 
 
@@ -103,7 +107,7 @@ def budget() -> Figure:
     result = sw.identify(log, rig)
     inertia = result.inertia
     parts = [one for one in result.budget if one.parameter == "inertia"]
-    parts = sorted(parts, key=lambda one: one.standard_uncertainty)[-6:]
+    parts = sorted(parts, key=lambda one: -one.standard_uncertainty)[:6]
     share = 100 / inertia.value
     figure, axis = plt.subplots(figsize=(6.4, 2.9))
     parts = [one for one in parts if one.standard_uncertainty > 0.01 * inertia.standard_uncertainty]
@@ -115,8 +119,13 @@ def budget() -> Figure:
     sizes = [one.standard_uncertainty * share for one in parts]
     sizes += [inertia.standard_uncertainty * share, (high - low) / 2 * share]
     colours = [BLUE if one.type == "B" else ORANGE for one in parts] + [GREY, "#111827"]
-    axis.barh(names, sizes, color=colours)
-    axis.set(xlabel="standard uncertainty, % of the inertia")
+    places = [k + 0.5 * (k >= len(parts)) for k in range(len(names))]
+    axis.barh(places, sizes, color=colours)
+    for place, size in zip(places, sizes, strict=True):
+        axis.text(size, place, f" {size:.2g}", va="center")
+    axis.set_yticks(places, names)
+    axis.set(xlabel="% of the inertia", xlim=(0, 1.15 * max(sizes)), title="The stated wheel decides")
+    axis.locator_params(axis="x", nbins=4)
     axis.invert_yaxis()
     return figure
 
@@ -127,12 +136,15 @@ def frequency() -> Figure:
     time = np.linspace(0, 12, 500)
     one = ((0.3, 8.5),)
     two = ((0.3, 8.5), (0.3, 5.0))
-    for axis, tones, words in zip(axes, (one, two), ("one frequency", "two frequencies"), strict=True):
+    for axis, tones, words in zip(
+        axes, (one, two), ("One frequency: $b$ and $J$ act alike", "Two frequencies separate them"), strict=True
+    ):
         angle = sum(size * np.sin(rate * time) for size, rate in tones)
         second = sum(-size * rate**2 * np.sin(rate * time) for size, rate in tones)
         axis.scatter(np.sin(angle), second, s=4, color=BLUE, linewidths=0)
-        axis.set(title=words, xlabel="$\\sin q_1$")
-    axes[0].set(ylabel="$\\ddot q_1$, rad/s²")
+        axis.set(title=words, xlabel="$\\sin q_1$ (gravity)")
+        axis.locator_params(axis="x", nbins=5)
+    axes[0].set(ylabel="$\\ddot q_1$ (inertia), rad/s²")
     return figure
 
 

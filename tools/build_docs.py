@@ -38,6 +38,9 @@ API = "src/swingid/__init__.py"
 BLOCK = re.compile(r"(^[ ]*```.*?^[ ]*```[ ]*$|^(?:    [^\n]*\n)+)", re.M | re.S)
 """A block of code, fenced or indented."""
 
+WITH_UNIT = re.compile(r"(?<=\d) (?=(?:[mµkM]?[smNgVAWB]|m?rad|k?Hz|bit|min|kHz|1/s)\b|[%±°])|(?<=±) (?=\d)")
+"""The space between a number and its unit, or its uncertainty: no line of a table's cell ends there."""
+
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\])*\])\(([^)\s]+)\)")
 
 
@@ -106,9 +109,20 @@ def laid_out(page: Path) -> str:
         if block.lstrip(" ").startswith("```"):
             blocks[k] = block.replace("```python run", "```python")
         elif not block.startswith("    "):
-            blocks[k] = LINK.sub(lambda match: _linked(match[1], match[2], page, own), block)
+            blocks[k] = LINK.sub(lambda match: _linked(match[1], match[2], page, own), _kept_together(block))
     text = "".join(blocks)
     return text + contents(text) if page == DOCS / "index.md" else text
+
+
+def _kept_together(text: str) -> str:
+    """A text whose tables have their numbers on one line with the unit; code in them stays as it is."""
+    lines = text.split("\n")
+    for k, line in enumerate(lines):
+        if line.startswith("|"):
+            parts = line.split("`")
+            parts[::2] = [WITH_UNIT.sub("\N{NO-BREAK SPACE}", part) for part in parts[::2]]
+            lines[k] = "`".join(parts)
+    return "\n".join(lines)
 
 
 def _linked(words: str, target: str, page: Path, own: Path) -> str:

@@ -87,6 +87,11 @@ def test_code_is_not_taken_for_links(tool, tmp_path, monkeypatch):
     assert tool.laid_out(page) == text.replace("python run", "python")
 
 
+def test_numbers_of_a_table_stay_with_their_unit(tool):
+    text = "5 % of 3 m\n| 0.017 s | 1 ± 2 kg | `1 s` | 3 sets, 5 % |\n"
+    assert tool._kept_together(text) == "5 % of 3 m\n| 0.017\xa0s | 1\xa0±\xa02\xa0kg | `1 s` | 3 sets, 5\xa0% |\n"
+
+
 def test_docstrings_are_plain_text_that_sphinx_reads_as_it_stands():
     pytest.importorskip("docutils")
     from docutils.core import publish_doctree

@@ -21,7 +21,7 @@ class SwingidError(Exception):
         self.code = code
 
     def __reduce__(self) -> tuple[object, ...]:
-        """For pickle, which would call the class with the message alone."""
+        """Restore the whole error from a pickle, which would call the class with the message alone."""
         return _restored, (type(self), self.args, vars(self))
 
 

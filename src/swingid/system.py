@@ -64,7 +64,7 @@ _MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1
 
 
 def forks() -> bool:
-    """Whether processes that this one starts are copies of it; others import the main module again.
+    """Return whether processes that this one starts are copies of it; others import the main module again.
 
     False also where it may start none.
     """
@@ -144,7 +144,7 @@ def interruption_waits() -> Iterator[None]:
 
 
 def _begin_work() -> None:
-    """Of a process of `worker_pool`: keep memory; end with the process that started it, which may be killed."""
+    """Prepare a process of `worker_pool`: keep memory; end with the process that started it, which may be killed."""
     from multiprocessing import connection, parent_process
 
     keep_memory()
@@ -211,7 +211,9 @@ def _each(function: Callable[[Item], Found], items: Sequence[Item]) -> list[Foun
 
 
 def is_file(path: str | Path) -> bool:
-    """Whether a path is a regular file, which has a size and can be read twice; False where it cannot be seen."""
+    """Return whether a path is a regular file, which has a size and can be read twice; False where it cannot be
+    seen.
+    """
     try:
         return Path(path).is_file()
     except (OSError, ValueError):
@@ -234,7 +236,7 @@ def read_file(path: str | Path, most: int = LARGEST_FILE) -> bytes:
 
 
 def read_input(path: str | Path, *, missing: str, folder: tuple[str, str], most: int = LARGEST_FILE) -> bytes:
-    """As `read_file`, with InputError for every way in which a path can be wrong.
+    """Read a file as `read_file` does, with InputError for every way in which a path can be wrong.
 
     missing: what to do where there is no file. folder: code of the error for a folder, and what to do.
     """

@@ -147,7 +147,7 @@ def _read(raw: object, unit: str) -> Quantity:
 
 
 def _is_calculation(text: str) -> bool:
-    """Whether a text is more than one number with its uncertainty and unit."""
+    """Return whether a text is more than one number with its uncertainty and unit."""
     text = _plain(text) if len(text) <= _LONGEST else ""
     match = _QUANTITY.fullmatch(text)
     simple = match is not None and (match["unit"].strip() == "" or _UNIT.fullmatch(match["unit"].strip()) is not None)

@@ -181,7 +181,7 @@ def looked(path: str) -> dict[str, Any]:
 
 
 def _returns(values: Array, role: str) -> bool:
-    """Whether an angle goes to and fro, or a rate changes its sign."""
+    """Return whether an angle goes to and fro, or a rate changes its sign."""
     good = values[np.isfinite(values)]
     if len(good) < 3:
         return True

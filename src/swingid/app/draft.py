@@ -73,7 +73,7 @@ class Draft:
 
     @classmethod
     def of(cls, logs: Mapping[str, Path], rig: Rig) -> Draft:
-        """Of logs and the rig file that belongs to them."""
+        """Make the draft of logs and the rig file that belongs to them."""
         return cls(logs=dict(logs), base=rig.text, name=rig.name, kind=kind_of_rig(rig))
 
     def take_guess(self, looked: Mapping[str, Any]) -> None:
@@ -94,12 +94,12 @@ class Draft:
 
     @property
     def moves(self) -> bool:
-        """Whether columns give the motion of the body: its angle, its rate, or both places of a mark on it."""
+        """Return whether columns give the motion of the body: its angle, its rate, or both places of a mark on it."""
         return bool({"angle", "angle_speed"} & self.columns.keys()) or {"point_x", "point_y"} <= self.columns.keys()
 
     @property
     def linear(self) -> bool:
-        """Whether the motion is a length."""
+        """Return whether the motion is a length."""
         own = [self.units.get(role, "") for role in ("angle", "angle_speed") if role in self.columns]
         return any(unit.removesuffix("/s") in ("m", "mm") for unit in own)
 

@@ -36,7 +36,8 @@ HEADERS = (
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the page is served. token: what a browser must know, "" where only this machine can reach it.
+    """The address at which the page is served. token: what a browser must know, "" where only this machine can reach
+    it.
 
     names: further hosts under which browsers reach it, as through a proxy.
     """
@@ -71,7 +72,7 @@ class Place:
         return hashlib.sha256(self.token.encode()).hexdigest()
 
     def is_ours(self, host: str) -> bool:
-        """Whether a name or an address, as in a request, is that of this server."""
+        """Return whether a name or an address, as in a request, is that of this server."""
         name = plain(host)
         if name in {plain(each) for each in (*LOCAL, self.host, *self.names)}:
             return True
@@ -157,7 +158,7 @@ class Gate:
         return ""
 
     def _knows(self, given: Mapping[str, str], headers: _Headers) -> bool:
-        """Whether a request has the token, in its address or in a cookie."""
+        """Return whether a request has the token, in its address or in a cookie."""
         token, kept, cookie = self.place.token, self.place.kept, self.place.cookie
         known = [_same(given["token"], token)] if "token" in given else []
         with suppress(CookieError):
@@ -180,13 +181,13 @@ class Gate:
 
 
 def _too_large(headers: _Headers) -> bool:
-    """Whether the body of a request is larger than `LARGEST_BODY`, or its length is not stated."""
+    """Return whether the body of a request is larger than `LARGEST_BODY`, or its length is not stated."""
     lengths = headers["content-length"]
     return bool(headers["transfer-encoding"]) or any(not one.isdigit() or int(one) > LARGEST_BODY for one in lengths)
 
 
 def _same(one: str, other: str) -> bool:
-    """Whether two texts are the same, in a time that does not tell how far they are."""
+    """Return whether two texts are the same, in a time that does not tell how far they are."""
     return hmac.compare_digest(one.encode("utf-8", "replace"), other.encode("utf-8", "replace"))
 
 

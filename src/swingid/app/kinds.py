@@ -24,7 +24,7 @@ class Field:
     options: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
 
     def holds(self, text: str) -> bool:
-        """Whether a text fills it; one that was chosen from other options does not."""
+        """Return whether a text fills it; one that was chosen from other options does not."""
         return text in self.options if self.options else bool(text)
 
 

@@ -83,7 +83,7 @@ class Desk:
         self.runner = Runner(self.address)
 
     def controls(self, page: str) -> bool:
-        """Whether this page controls; the first one does, and another after that one is gone."""
+        """Return whether this page controls; the first one does, and another after that one is gone."""
         now = time.monotonic()
         if not self.controller or (self.controller != page and now - self.seen > STALE):
             self.controller = page
@@ -331,7 +331,7 @@ class LivePage:
         self.steps[name].show(state, lines, is_open=self.open == name and is_ready)
 
     def _may_move(self) -> bool:
-        """Whether the motor can have a voltage, as far as is known here."""
+        """Return whether the motor can have a voltage, as far as is known here."""
         return (self.runner.busy and self.task.kind in ("check", "run")) or self.runner.elsewhere is not None
 
     def _share(self) -> float:

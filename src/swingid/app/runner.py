@@ -84,7 +84,7 @@ class Runner:
 
     @property
     def busy(self) -> bool:
-        """Whether a task goes on."""
+        """Return whether a task goes on."""
         return self._process is not None
 
     def start(self, task: Task) -> None:

@@ -50,7 +50,7 @@ class StopBar(Element, component="stop_bar.js"):
         self._set("beat", self._now())
 
     def is_fresh(self, beat: object) -> bool:
-        """Whether a press is one of now; beat: the last one that its page had seen."""
+        """Return whether a press is one of now; beat: the last one that its page had seen."""
         return isinstance(beat, int) and 0 <= self._now() - beat <= FRESH
 
     def _now(self) -> int:

@@ -235,7 +235,7 @@ def _connect(task: Task, rig: Rig, view: View) -> None:
 
 
 def _check(task: Task, rig: Rig, view: View) -> None:
-    """Whether it hangs still and its signs hold, by the pulses of `swingid commission`; nothing is written."""
+    """Return whether it hangs still and its signs hold, by the pulses of `swingid commission`; nothing is written."""
     from swingid.errors import InputError
     from swingid.live.commission import commission
     from swingid.live.experiment import opened

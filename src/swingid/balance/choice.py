@@ -196,7 +196,7 @@ def _beside(fit: WindowFit, rows: Rows, terms: tuple[str, ...]) -> WindowFit | N
 
 
 def _dissipates(fit: WindowFit) -> bool:
-    """Whether friction at rest is positive, and no less than where its peak has passed."""
+    """Return whether friction at rest is positive, and no less than where its peak has passed."""
     peaks = [fit.value(name) for name in NEAR_REST if name in fit.unknowns]
     return not peaks or (fit.value("coulomb") > 0 and sum(peaks) > 0)
 

@@ -62,7 +62,7 @@ class Identifiability:
 
     @property
     def answerable(self) -> bool:
-        """Whether the wanted unknown is identifiable."""
+        """Return whether the wanted unknown is identifiable."""
         return bool(self.blind[0] < BLIND)
 
     @property

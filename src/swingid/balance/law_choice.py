@@ -85,7 +85,9 @@ class LawChoice:
 
     @classmethod
     def of(cls, body: Array, friction: Array, target: Array, knots: Array, slowest: float = np.inf) -> LawChoice:
-        """Of rows: columns of the body (rows, body) and of friction (rows, terms of EXACT and knots), known side."""
+        """Take the rows: columns of the body (rows, body) and of friction (rows, terms of EXACT and knots), known
+        side.
+        """
         products = gram(np.ascontiguousarray(np.column_stack([body, friction, target]).T))
         return cls(products, body.shape[1], len(target) / (LAG / 2), knots=knots, slowest=slowest)
 

@@ -19,7 +19,7 @@ from swingid.recording.recording import Recording
 
 
 def is_open(log: Recording) -> bool:
-    """Whether the bridge is open in a part of the log."""
+    """Return whether the bridge is open in a part of the log."""
     return log.bridge is not None and bool(np.any(log.bridge == 0))
 
 

@@ -149,7 +149,7 @@ def trends(law: WindowFit, signals: Signals) -> list[Comparison]:
 
 
 def _trend(law: WindowFit, name: str, values: Array) -> Comparison:
-    """Of one quantity (windows,)."""
+    """Compute the trend of one quantity (windows,)."""
     column = law.rows["inertia"]
     apart = values - float((law.fit.influence[0] * column) @ values)
     fit = law.beside((column * apart)[:, None]).alone()

@@ -75,11 +75,11 @@ class Perturbation:
 
     @property
     def scales_speed(self) -> bool:
-        """Whether it is a relative error of the speed, too, which friction depends on."""
+        """Return whether it is a relative error of the speed, too, which friction depends on."""
         return self.source in OF_THE_ANGLE
 
     def on(self, slopes: Array) -> Declared:
-        """For the budget; slopes (n,): change per unit of the parameters."""
+        """Make the entry of the budget; slopes (n,): change per unit of the parameters."""
         return Declared(stated(self.source, self.shared_id), self.std, slopes, self.constant, self.of_time)
 
 
@@ -93,16 +93,18 @@ class RowError:
 
     @property
     def source(self) -> str:
-        """Of the perturbation."""
+        """The source of the perturbation."""
         return self.of.source
 
     @property
     def std(self) -> float:
-        """Of the perturbation."""
+        """The standard deviation of the perturbation."""
         return self.of.std
 
     def on(self, slopes: Array) -> Declared:
-        """For the budget; slopes (n,): change per unit of the parameters, the inertia of the whole axis first."""
+        """Make the entry of the budget; slopes (n,): change per unit of the parameters, the inertia of the whole axis
+        first.
+        """
         return self.of.on(np.append(slopes[:1] + self.direct, slopes[1:]))
 
 

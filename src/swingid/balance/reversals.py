@@ -52,7 +52,7 @@ class Impulse(NamedTuple):
 def impulse_found(
     equation: Equation, motion: Motion, found: tuple[float, float], expected: tuple[float, float], dry: float
 ) -> Impulse:
-    """Whether the impulse that the rows show is an unknown.
+    """Return whether the impulse that the rows show is an unknown.
 
     It is where it is significant, and in a driven motion where it is likelier than not and to leave it out leaves more
     uncertain than its estimate is; in a free decay a weak one is more often a correlated error of the angle, and left
@@ -78,7 +78,7 @@ def impulses_expected(motion: Motion, late: Array, torque: Torque, levels: Array
 
 
 def impulse_possible(equation: Equation, motion: Motion, impulse: float, dry: float) -> bool:
-    """Whether dry friction (N m or N) can have made an impulse of this size at each reversal, see `REVERSAL`.
+    """Return whether dry friction (N m or N) can have made an impulse of this size at each reversal, see `REVERSAL`.
 
     What is fitted in place of dry friction may be negative in a free decay: it drives the motion, and has no memory.
     """

@@ -215,7 +215,7 @@ class Signals:
 
     @cached_property
     def since(self) -> Ints:
-        """For every node, flattened, which of the edges is the last before it."""
+        """Return, for every node, flattened, which of the edges is the last before it."""
         after = np.searchsorted(self.edges, self.nodes.flat[0], side="right") - 1
         return np.clip(after, 0, len(self.directions) - 1)
 

@@ -66,7 +66,9 @@ def slope(order: int, x: Array) -> Array:
 
 
 def has_stiffness(fit: WindowFit) -> bool:
-    """Whether a drift of the angle's zero acts in the balance at all: on a linear axis without a spring it does not."""
+    """Return whether a drift of the angle's zero acts in the balance at all: on a linear axis without a spring it does
+    not.
+    """
     return any(fit.value(one.name) or fit.equation.seeks(one.name) for one in fit.equation.conservative)
 
 
@@ -119,7 +121,7 @@ class SlowTest:
 
 
 def slow_test(fit: WindowFit, signals: Signals, kind: SlowKind) -> SlowTest | None:
-    """Whether slow changes of a kind show; None where there are too few rows, or nothing that may change.
+    """Return whether slow changes of a kind show; None where there are too few rows, or nothing that may change.
 
     Their coefficients θ of m unknowns have the covariance V, with neighbouring rows correlated and noise of the sensors
     counted as in the fit; θᵀ V⁻¹ θ / m is nearly of the distribution F(m, ν). First with the polynomials at the middle

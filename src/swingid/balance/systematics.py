@@ -227,7 +227,9 @@ def _with_place(fit: WindowFit, signals: Signals, kinds: Mapping[str, Array]) ->
 def _variance_by_place(
     signals: Signals, plain: WindowFit, more: WindowFit, own: Sequence[Effect], passed: Sequence[RowError]
 ) -> float:
-    """Of the change of a11 by a torque, of which `own` are the effects; passed: what is declared and not fitted."""
+    """Return the variance of the change of a11 by a torque, of which `own` are the effects; passed: what is declared
+    and not fitted.
+    """
     # windows that are not the best for both fits do not make the difference of the variances that of the difference
     noise = max(abs(more.u**2 - plain.u**2), variance_of_difference(signals, more, plain))
     variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in own)
@@ -238,7 +240,7 @@ def _variance_by_place(
 
 
 def attenuation(fit: WindowFit) -> float:
-    """By how much a11 is lower than that of the reverse regression: all residuals are errors in its column.
+    """Return how much a11 is lower than by the reverse regression, in which all residuals are errors of its column.
 
     A torque that is nearly gravity leaves little of that column to a free decay: no inertia, and a spring that cancels
     gravity, fit any log, and errors draw the fit there.
@@ -248,7 +250,8 @@ def attenuation(fit: WindowFit) -> float:
 
 
 def _shapes(signals: Signals) -> dict[str, list[Array]]:
-    """At the nodes, the torques of each kind that depends on the angle; of a linear axis the powers of its place.
+    """Evaluate at the nodes the torques of each kind that depends on the angle; of a linear axis the powers of its
+    place.
 
     Of a rotary axis also `COSINE` and `SLOPE`.
     """
@@ -316,7 +319,7 @@ def shape_columns(
 
 
 def _kinds(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Those of the torques alone."""
+    """Return the kinds of the torques alone."""
     return {kind: own for kind, own in columns.items() if kind not in (COSINE, SLOPE)}
 
 

@@ -119,7 +119,7 @@ class WheelRows:
 
     @classmethod
     def of(cls, signals: Signals, windows: Windows, noise: Noise, swings: int | None = None) -> WheelRows:
-        """Of signals with a wheel's angle; of their first swings alone where a number is given."""
+        """Take signals with a wheel's angle, or their first swings alone where a number is given."""
         turning, nodes = signals.motion.turning_times, signals.nodes
         if swings is not None:
             nodes = nodes.until(turning[swings]) if len(turning) > swings else nodes

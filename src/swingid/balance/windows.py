@@ -44,7 +44,9 @@ def even_windows(signals: Signals, half: float) -> Windows:
 
 
 def _clear(signals: Signals, windows: Windows) -> Bools:
-    """Whether each window contains enough samples, no rest, no excluded part and no gap longer than a quarter of it."""
+    """Return whether each window contains enough samples, no rest, no excluded part and no gap longer than a quarter of
+    it.
+    """
     time = signals.nodes.stamps
     clear: Bools = np.ones(len(windows), dtype=bool)
     if 2 * windows.half.min(initial=np.inf) < (FEWEST_SAMPLES + 2) * signals.longest_step:

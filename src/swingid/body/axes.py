@@ -280,7 +280,7 @@ class _Reading:
         return _inertia_of(result, self.identities.of(result, name), name), result, name
 
     def gravity_torque(self) -> Uncertain:
-        """Of the body about the axis, less the fixture's."""
+        """The gravity torque of the body about the axis, less the fixture's."""
         given, name = self.table.gravity_torque, self.axes.names[self.k]
         if isinstance(given, Quantity):
             return _own(given, f"{name}: gravity torque", "gravity torque of an axis")

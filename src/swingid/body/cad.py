@@ -227,7 +227,7 @@ class _Angles:
 
     @classmethod
     def of(cls, root: ElementTree.Element) -> _Angles:
-        """Of <compiler>; MuJoCo's defaults are degrees and "xyz"."""
+        """Read the conventions of <compiler>; MuJoCo's defaults are degrees and "xyz"."""
         unit, sequence = "degree", "xyz"
         for compiler in root.iter("compiler"):
             unit, sequence = compiler.get("angle", unit), compiler.get("eulerseq", sequence)

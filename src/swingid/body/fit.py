@@ -36,7 +36,7 @@ class Deviation:
 
     @property
     def normalised(self) -> float:
-        """In standard uncertainties."""
+        """The residuals in standard uncertainties."""
         return self.value / self.u if self.u else math.copysign(math.inf, self.value)
 
 

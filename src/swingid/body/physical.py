@@ -1,4 +1,4 @@
-"""Whether a body can have a tensor: positive second moments of its mass; and the closest tensor that one can have.
+"""The test whether a body can have a tensor: positive second moments of its mass; the closest tensor that one can have.
 
 The pseudo-inertia about the centre of mass, Σ = ½ tr(J) 1 − J = ∫ x xᵀ dm, is positive semidefinite (Wensing, Kim and
 Slotine 2018, IEEE RA-L 3, 60); its eigenvalues ½ tr(J) − λ_k ≥ 0 are the triangle inequality of the principal moments.
@@ -36,7 +36,7 @@ def least_second_moment(matrix: Array, elements: tuple[Uncertain, ...]) -> Uncer
 
 
 def require_physical(matrix: Array, elements: tuple[Uncertain, ...], hint: str) -> bool:
-    """Whether a body can have the tensor; False where it cannot, within the uncertainty.
+    """Return whether a body can have the tensor; False where it cannot, within the uncertainty.
 
     Raises UnanswerableError where the triangle inequality is violated beyond it. hint: what to check.
     """

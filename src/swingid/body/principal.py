@@ -56,7 +56,9 @@ def principal(matrix: Array, elements: Sequence[Uncertain], unit: str) -> tuple[
 
 
 def _alike(one: Uncertain, other: Uncertain) -> bool:
-    """Whether two moments are not distinguishable; two equal ones differ by 2.5 u in the mean, for they are sorted."""
+    """Return whether two moments are not distinguishable; two equal ones differ by 2.5 u in the mean, for they are
+    sorted.
+    """
     gap = one - other
     return abs(gap.value) <= DETECTED * gap.u
 

@@ -193,7 +193,7 @@ def _disagreement(worst: Deviation, tested: Sequence[Deviation | None], read: Se
 
 
 def _constrained(found: Fit, values: Array) -> Message:
-    """That no body has the tensor of the fit, and how far the reported one is from it."""
+    """Say that no body has the tensor of the fit, and how far the reported one is from it."""
     moved = float(np.max(np.abs(values - found.values) / np.sqrt(np.diag(found.covariance))))
     return Message(
         "triangle-inequality",

@@ -75,7 +75,7 @@ class AngleScale:
 
 
 def scale_off(evidence: Evidence, judged: Judged) -> list[Finding] | None:
-    """Whether the shape of gravity contradicts the scale of the angle, and the inertia is biased by it.
+    """Return whether the shape of gravity contradicts the scale of the angle, and the inertia is biased by it.
 
     Not where a torque that depends on the angle describes the rows clearly better.
     """
@@ -205,7 +205,7 @@ class _Offset:
 
     @property
     def certain(self) -> bool:
-        """Whether the offset is significant."""
+        """Return whether the offset is significant."""
         return bool(CERTAIN * self.spread < abs(self.value) < np.pi / 2)
 
     def unexplained(self, a11: float, u: float) -> float:
@@ -215,7 +215,7 @@ class _Offset:
 
 
 def zero_off(evidence: Evidence, judged: Judged) -> list[Finding] | None:
-    """Whether the zero offset of the angle is so large that the inertia is biased.
+    """Return whether the zero offset of the angle is so large that the inertia is biased.
 
     cos q1 oscillates at twice the motion's frequency, so
     it is distinguishable from inertia and odd friction. Friction that depends on the direction does so too; small

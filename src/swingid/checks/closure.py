@@ -1,4 +1,4 @@
-"""Whether the terms of the balance explain a log: what they leave beyond the noise of the sensors."""
+"""The test whether the terms of the balance explain a log: what they leave beyond the noise of the sensors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def share_left(law: WindowFit) -> float:
 
 
 def balance_open(evidence: Evidence, judged: Judged) -> list[Finding]:
-    """Whether the balance does not close, so that log and rig file do not belong together.
+    """Return whether the balance does not close, so that log and rig file do not belong together.
 
     Raises UnanswerableError where it leaves more than `OPEN`.
     """

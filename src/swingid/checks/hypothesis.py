@@ -47,7 +47,7 @@ class Evidence:
 
     @property
     def signals(self) -> Signals:
-        """Of the fit."""
+        """The signals of the fit."""
         return self.choice.signals
 
     @cached_property
@@ -77,7 +77,7 @@ class Evidence:
 
     @cached_property
     def prediction(self) -> Prediction | None:
-        """Of the second half by the first."""
+        """The prediction of the second half by the first."""
         return predicted(self._divided)
 
 
@@ -95,7 +95,7 @@ class Judged:
     own: bool = False
 
     def matters(self, change: float, limit: str) -> bool:
-        """Whether a change of the inertia is beyond its standard uncertainty."""
+        """Return whether a change of the inertia is beyond its standard uncertainty."""
         return matters(change, self.limits[limit], self.a11)
 
     def contains(self, change: float) -> bool:
@@ -104,7 +104,7 @@ class Judged:
 
 
 def matters(change: float, u: float, a11: float) -> bool:
-    """Whether a change of the inertia is worth a warning; u: its standard uncertainty."""
+    """Return whether a change of the inertia is worth a warning; u: its standard uncertainty."""
     return bool(abs(change) > max(MATTERS * u, LEAST * abs(a11)))
 
 

@@ -96,7 +96,9 @@ def with_latency(part: Part, memory: str = "auto", signals: Signals | None = Non
 
 
 def channel_late(evidence: Evidence, judged: Judged) -> list[Finding] | None:
-    """Whether the balance shows a latency that the rig file does not declare, and the inertia is biased by it."""
+    """Return whether the balance shows a latency that the rig file does not declare, and the inertia is biased by
+    it.
+    """
     choice, part = evidence.choice, evidence.part
     rig, equation = part.rig, part.equation
     if not equation.driven or latency_spread(part.encoders, rig) or not _may_show(choice):
@@ -201,7 +203,9 @@ def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig) -> float:
 
 
 def _may_show(choice: Choice) -> bool:
-    """Whether one column more, without a prior, reduces the residuals enough: quick, and a necessary condition."""
+    """Return whether one column more, without a prior, reduces the residuals enough: quick, and a necessary
+    condition.
+    """
     law = choice.law
     late = late_error(law.rows, choice.signals, law.coefficients)
     left = residuals_beside(law, late[:, None])

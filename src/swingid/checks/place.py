@@ -36,7 +36,7 @@ PLACE = "torque that depends on the angle"
 
 
 def torque_computed(evidence: Evidence, judged: Judged) -> list[Finding] | None:
-    """Whether the torque is a linear function of the angle: computed with it, as a spring in software is."""
+    """Return whether the torque is a linear function of the angle: computed with it, as a spring in software is."""
     log = evidence.part.log
     if log.torque is None or not np.ptp(log.torque):
         return None
@@ -52,7 +52,7 @@ def torque_computed(evidence: Evidence, judged: Judged) -> list[Finding] | None:
 
 
 def place_found(evidence: Evidence, judged: Judged) -> list[Finding] | None:
-    """Whether a torque that depends on the angle, which no term of the rig has, biases the inertia.
+    """Return whether a torque that depends on the angle, which no term of the rig has, biases the inertia.
 
     Not where gravity is unknown as well, which at one frequency takes the part of a spring.
     """
@@ -83,7 +83,7 @@ def _ratio(one: PlaceFit) -> float:
 
 
 def _is_certain(one: PlaceFit) -> bool:
-    """Whether the torque explains the residuals, and its change of the inertia is significant."""
+    """Return whether the torque explains the residuals, and its change of the inertia is significant."""
     extra, ratio = len(one.more.declared) - len(one.plain.declared), _ratio(one)
     freedom = len(one.more.rows.windows) / (LAG / 2) - len(one.more.unknowns) - extra
     if not 0 < ratio < BETTER or (ratio**-2 - 1) * freedom / extra < CERTAIN_RATIO:

@@ -1,4 +1,4 @@
-"""Whether a log is of one rig from its start to its end: slow changes that were found, and parts that must agree.
+"""The test whether one rig made the whole log: slow changes that were found, and parts that must agree.
 
 Both follow from the balance of momentum, whatever a method computes of the same log (`balance.slow`, `balance.parts`).
 """

@@ -43,7 +43,7 @@ AS_GOOD = 1.2
 
 
 def encoders_bent(evidence: Evidence, judged: Judged) -> list[Finding] | None:
-    """Whether an undeclared once-per-turn nonlinearity of the encoders is significant.
+    """Return whether an undeclared once-per-turn nonlinearity of the encoders is significant.
 
     Not where gravity is unknown as well, whose column is nearly that of a nonlinearity, not where a torque that depends
     on the angle explains the residuals better, and not where the angle is the integral of a rate.
@@ -69,7 +69,7 @@ def encoders_bent(evidence: Evidence, judged: Judged) -> list[Finding] | None:
 
 
 def _stated_or_usual(evidence: Evidence) -> bool:
-    """Whether the nonlinearity of the axis' encoder is stated, or as large as its kind has it."""
+    """Return whether the nonlinearity of the axis' encoder is stated, or as large as its kind has it."""
     if not evidence.signals.encoders.angle.bent:
         return False
     if not evidence.signals.encoders.angle.assumed:
@@ -79,7 +79,7 @@ def _stated_or_usual(evidence: Evidence) -> bool:
 
 
 def _shows(law: WindowFit, before: float, after: float) -> bool:
-    """Whether a fall of the residuals' power is large and significant."""
+    """Return whether a fall of the residuals' power is large and significant."""
     # without a nonlinearity 0.95 of the residuals and more remain
     freedom = len(law.rows) / (LAG / 2) - len(law.unknowns) - AMPLITUDES
     if not before > ROUNDING**2 * float(np.mean(law.known**2)):
@@ -88,7 +88,9 @@ def _shows(law: WindowFit, before: float, after: float) -> bool:
 
 
 def _may_show(law: WindowFit, signals: Signals) -> bool:
-    """Whether the residuals would fall enough without a prior of the amplitudes: quick, and a necessary condition."""
+    """Return whether the residuals would fall enough without a prior of the amplitudes: quick, and a necessary
+    condition.
+    """
     bent, constants = bends(law.rows, signals, law.coefficients), _uncertain(law)
     before, after = (residuals_beside(law, more) for more in (constants, np.hstack([constants, bent])))
     return _shows(law, float(np.mean(before**2)), float(np.mean(after**2)))
@@ -101,7 +103,7 @@ def _uncertain(law: WindowFit) -> Array:
 
 
 def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, rig: Rig) -> list[Finding] | None:
-    """Whether the balance contradicts `axis.gravity_torque`; tried: the same fit at other lengths of windows."""
+    """Return whether the balance contradicts `axis.gravity_torque`; tried: the same fit at other lengths of windows."""
     stated, equation = rig.axis.acting_gravity, law.equation
     if stated is None or equation.seeks("gravity_torque") or not equation.driven or signals.linear:
         return None

@@ -80,7 +80,9 @@ def _calibrate(
     report: str | None,
     laboratory: Stated | None,
 ) -> tuple[Calibration | EncoderCalibration, bool]:
-    """From files to the calibration, its rig file and its report; and whether that rig file differs from the old."""
+    """Read the files, and write the calibration, its rig file and its report; and whether that rig file differs from
+    the old.
+    """
     check_writable(out, json, report)
     from swingid.calibration.encoders import calibrate_encoders
     from swingid.calibration.motor import calibrate as of_motor

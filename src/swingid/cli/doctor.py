@@ -135,7 +135,7 @@ def _folders() -> Iterator[Finding]:
 
 
 def _folder(what: str, path: Path, state: str) -> Finding:
-    """Whether a file can be written into a folder, and how much space it has."""
+    """Return whether a file can be written into a folder, and how much space it has."""
     text = f"{path}" + (f": {state}" if state else "")
     try:
         with tempfile.TemporaryFile(dir=path):

@@ -53,7 +53,7 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
 
 
 def _point(code: str) -> None:
-    """In a terminal, a second line: where the code is explained. Scripts get the one sentence alone."""
+    """Print in a terminal a second line that says where the code is explained. Scripts get the one sentence alone."""
     if sys.stderr is not None and sys.stderr.isatty():
         tell(f"         {EXPLAINED}#{code}", to_error=True)
 

@@ -198,7 +198,7 @@ def _identify(
     certificate: Stated | None,
     draws: int | None,
 ) -> Result:
-    """From files to the result, and to its report; `provenance` gains what becomes known on the way."""
+    """Read the files, and write the result and its report; `provenance` gains what becomes known on the way."""
     check_writable(json, report)
     from swingid.identification import identify as run
     from swingid.model.rig import Rig

@@ -138,7 +138,7 @@ def check_files(inputs: Mapping[str, str], *, json: str | None = None, report: s
 
 
 def on_terminal() -> bool:
-    """Whether standard error is a terminal that can go back to the begin of a line."""
+    """Return whether standard error is a terminal that can go back to the begin of a line."""
     return sys.stderr is not None and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
 
 

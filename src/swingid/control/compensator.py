@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def _hurwitz(polynomial: Sequence[float]) -> bool:
-    """Whether all roots of a polynomial (highest power first) lie in the open left half plane."""
+    """Return whether all roots of a polynomial (highest power first) lie in the open left half plane."""
     return bool(np.all(np.roots(np.asarray(polynomial, dtype=float)).real < 0.0))
 
 

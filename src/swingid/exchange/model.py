@@ -73,12 +73,12 @@ class Model:
 
     @property
     def has_wheel(self) -> bool:
-        """Whether a reaction wheel drives the rig."""
+        """Return whether a reaction wheel drives the rig."""
         return self.rig.drive.wheel is not None
 
     @property
     def linear(self) -> bool:
-        """Whether the axis slides."""
+        """Return whether the axis slides."""
         return self.rig.axis.kind == "linear"
 
     @property

@@ -38,7 +38,7 @@ class End:
 
     @property
     def usable(self) -> bool:
-        """Whether the samples up to the end are a planned experiment, or a part of one."""
+        """Return whether the samples up to the end are a planned experiment, or a part of one."""
         return self.reason in (Reason.FINISHED, Reason.STOPPED)
 
     @property

@@ -154,7 +154,7 @@ def _whole(x: float, least: float, most: float) -> bool:
 
 
 def valid(p: Array, board: Board) -> bool:
-    """Whether a device can run with these parameters at all; the host refuses more, and says why."""
+    """Return whether a device can run with these parameters at all; the host refuses more, and says why."""
     controller = p[CONTROLLER:]
     if not CONTROLLER + law.ALPHA + 1 <= len(p) <= MOST_PARAMETERS or not _whole(controller[law.ORDER], 0, MOST_ORDER):
         return False
@@ -181,7 +181,7 @@ def valid(p: Array, board: Board) -> bool:
 
 
 def counts(p: Array, board: Board) -> bool:
-    """Whether a device follows the wheel's counts up to the speed at which its guard ends the run."""
+    """Return whether a device follows the wheel's counts up to the speed at which its guard ends the run."""
     return math.isinf(board.most_edges) or bool(p[WHEEL_SPEED_LIMIT] <= board.most_edges * abs(p[WHEEL_STEP]))
 
 

@@ -56,7 +56,7 @@ class Link:
 
     @property
     def lossy(self) -> bool:
-        """Whether more of what came in is damaged than a run can do with (`MOST_LOST`)."""
+        """Return whether more of what came in is damaged than a run can do with (`MOST_LOST`)."""
         return self.bad > MOST_LOST * (self.bad + self.frames)
 
     @property
@@ -73,7 +73,7 @@ class Link:
         return self.turn(out, timeout)
 
     def turn(self, out: bytes, timeout: float) -> list[Frame]:
-        """As `exchange`, without `each_turn`."""
+        """Take a turn as `exchange` does, without `each_turn`."""
         try:
             if out:
                 self.stream.write(out)

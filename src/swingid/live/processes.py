@@ -40,7 +40,9 @@ planned end in which it has ended: what it allows the device before and after th
 
 
 class ProcessConductor:
-    """As `experiment.Conductor`, for a device in real time. address: of the device. pids: of link and recorder."""
+    """Conducts as `experiment.Conductor`, for a device in real time. address: of the device. pids: of link and
+    recorder.
+    """
 
     def __init__(
         self,

@@ -23,7 +23,7 @@ class Recovered:
 
     @property
     def whole(self) -> bool:
-        """Whether there was nothing to recover."""
+        """Return whether there was nothing to recover."""
         return not self.damaged and not self.cut
 
 

@@ -117,13 +117,13 @@ class Found:
         _write(self._place.with_suffix(REQUEST), "hard" if hard else "soft")
 
     def is_on(self, device: str) -> bool:
-        """Whether it is on the device of an address; a bare port is a serial one."""
+        """Return whether it is on the device of an address; a bare port is a serial one."""
         known = self.entry.device
         return device in (known, known.partition("?")[0], known.partition("?")[0].removeprefix("serial://"))
 
     @property
     def alive(self) -> bool:
-        """Whether its process still announces it."""
+        """Return whether its process still announces it."""
         return self._place.exists() and not _free(self._place)
 
     def last_words(self) -> str:
@@ -154,7 +154,7 @@ def runs() -> list[Found]:
 
 
 def _free(path: Path) -> bool:
-    """Whether nobody holds the lock of an entry."""
+    """Return whether nobody holds the lock of an entry."""
     lock = path.with_suffix(LOCK)
     try:
         if lock.exists():

@@ -136,7 +136,7 @@ class Ring:
             _lock(self._file, START + ROOM + role, hold=True)
 
     def held(self, role: Role) -> bool:
-        """Whether another process lives that has this role."""
+        """Return whether another process lives that has this role."""
         try:
             _lock(self._file, START + ROOM + role, hold=False)
         except OSError:
@@ -155,7 +155,7 @@ class Ring:
 
     @property
     def last(self) -> int:
-        """Where the record begins that says how the run ended, in bytes since the beginning; 0 before that."""
+        """The place of the record that says how the run ended, in bytes since the beginning; 0 before that."""
         return int(_WORD.unpack_from(self._map, LAST)[0])
 
     def beat(self) -> None:
@@ -168,7 +168,7 @@ class Ring:
 
     @property
     def over(self) -> bool:
-        """Whether the view knows that the writer's process has ended."""
+        """Return whether the view knows that the writer's process has ended."""
         return bool(self._map[OVER])
 
     @over.setter
@@ -246,7 +246,7 @@ class Reader:
         return records
 
     def _behind(self) -> bool:
-        """Whether the writer may be at what is read next."""
+        """Return whether the writer may be at what is read next."""
         return self._ring.head - self._tail > ROOM - ROOM // 8
 
     def _skip(self) -> int:

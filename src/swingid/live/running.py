@@ -270,7 +270,7 @@ class Running:
         self.ask_stop(StopMode.HARD, f"{name} {what} in {STUCK:g} s; build its firmware anew", Reason.PROTOCOL)
 
     def _lossy(self) -> bool:
-        """Whether the link, up or down, loses more than a run can do with."""
+        """Return whether the link, up or down, loses more than a run can do with."""
         seen, bad = self._seen, self._link.bad - self._bad
         up = (bad + seen.missed) > MOST_LOST * (bad + seen.missed + len(seen.samples))
         return up or seen.damaged > MOST_LOST * (self._beats + self._sending.messages)

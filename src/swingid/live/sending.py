@@ -19,7 +19,8 @@ AGAIN = 2
 
 
 class Sending:
-    """Where the reference stands. accepted: samples that the device has acknowledged; advanced: when it last did (s).
+    """The state of sending the reference. accepted: samples that the device has acknowledged; advanced: when it last
+    did (s).
 
     room: samples of the reference that the device holds.
     """
@@ -37,7 +38,7 @@ class Sending:
 
     @property
     def primed(self) -> bool:
-        """Whether the device holds all that it can, or the whole reference."""
+        """Return whether the device holds all that it can, or the whole reference."""
         return self.accepted >= min(len(self._reference), self._room - 2 * BLOCK)
 
     def blocks(self, now: float, used: int) -> bytes:

@@ -130,7 +130,7 @@ class Session:
 
     @property
     def running(self) -> bool:
-        """Whether a run goes on, which `ask_stop` ends."""
+        """Return whether a run goes on, which `ask_stop` ends."""
         return self._running is not None
 
     def require_ready(self) -> None:

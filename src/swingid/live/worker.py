@@ -179,13 +179,13 @@ def _recorded(job: Job, ring: Ring) -> str:
 
 
 class LastSigns:
-    """Whether the process of the link lives, as the recorder sees it."""
+    """Watches whether the process of the link lives, as the recorder sees it."""
 
     def __init__(self, ring: Ring) -> None:
         self._ring, self._begun = ring, False
 
     def dead(self) -> bool:
-        """Whether nothing can come from it any more."""
+        """Return whether nothing can come from it any more."""
         held = self._ring.held(Role.LINK)
         self._begun = self._begun or held
         gone = not held and (self._begun or not self._ring.held(Role.VIEW))

@@ -43,7 +43,7 @@ TIME_POWERS = {
 
 @dataclass(frozen=True)
 class Coefficient:
-    """Of a term: its value, None where it is sought; its derivative by each constant that it is made of, by key."""
+    """A term's coefficient: value, None where it is sought; derivative by each constant that it is made of, by key."""
 
     value: float | None = None
     sources: Mapping[str, float] = field(default_factory=dict)
@@ -109,11 +109,11 @@ class Equation:
 
     @property
     def driven(self) -> bool:
-        """Whether a drive acts on the axis."""
+        """Return whether a drive acts on the axis."""
         return self.channel is not None
 
     def seeks(self, name: str) -> bool:
-        """Whether the coefficient of a term is sought."""
+        """Return whether the coefficient of a term is sought."""
         return name in self.sought
 
     def but(self, **coefficients: Coefficient) -> Equation:

@@ -76,7 +76,8 @@ def margin(
 def agrees(
     q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: Array, slack: float
 ) -> bool:
-    """Whether the mode (s1, s2, branch) agrees with itself, for those of axis and wheel whose speed is exactly 0.
+    """Return whether the mode (s1, s2, branch) agrees with itself, for those of axis and wheel whose speed is exactly
+    0.
 
     slack (rad/s²): an acceleration of the wrong side up to this counts as 0.
     """
@@ -160,7 +161,7 @@ def stop_reversed(work: Array, mode: Mode) -> None:
 
 @njit_inlined
 def dip(v: float, a: float, vh: float, ah: float, h: float) -> float:
-    """Where in a step of h (s) a speed that is positive at both ends is lowest, if below zero there; else h.
+    """Return where in a step of h (s) a speed that is positive at both ends is lowest, if below zero; else h.
 
     From the cubic through speed and acceleration at both ends: a reversal there and back again.
     """

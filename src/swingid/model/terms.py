@@ -56,12 +56,12 @@ class Term:
 
     @property
     def is_dry(self) -> bool:
-        """Whether it is friction that holds a resting axis: odd in the speed, and no less at rest."""
+        """Return whether it is friction that holds a resting axis: odd in the speed, and no less at rest."""
         return self.odd and self.power == 0
 
     @property
     def is_conservative(self) -> bool:
-        """Whether its torque is a function of the angle alone, and so has a potential energy."""
+        """Return whether its torque is a function of the angle alone, and so has a potential energy."""
         return not self.odd and self.power == 0 and self.kind != ONE
 
     def unit_on(self, *, linear: bool) -> str:
@@ -73,7 +73,7 @@ class Term:
         return self.of_motion(v, np.sign(v))
 
     def of_motion(self, v: Array, direction: Array) -> Array:
-        """As `of_speed`; direction: sgn v, which a noisy speed does not show near rest."""
+        """Evaluate as `of_speed`; direction: sgn v, which a noisy speed does not show near rest."""
         size = shapes.half_powers(np.abs(v), self.power or 0)
         return np.asarray(direction * size if self.odd else size)
 
@@ -188,7 +188,7 @@ MOTOR_KEYS = tuple(term.key.rpartition(".")[2] for term in TERMS.values() if ter
 
 
 def is_spring(term: Term) -> bool:
-    """Whether its torque draws the axis back to one angle: a spring, or strings that a body hangs on."""
+    """Return whether its torque draws the axis back to one angle: a spring, or strings that a body hangs on."""
     return term.kind in (DISPLACEMENT, STRINGS)
 
 

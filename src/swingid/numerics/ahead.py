@@ -62,7 +62,9 @@ def tasks() -> tuple[str, ...]:
 
 
 def is_ready(task: str) -> bool:
-    """Whether nothing of a task is left to compile: it was done ahead on this machine, or nothing of it is listed."""
+    """Return whether nothing of a task is left to compile: it was done ahead on this machine, or nothing of it is
+    listed.
+    """
     return not _listed().get(task) or _stamp(task).exists()
 
 

@@ -16,7 +16,7 @@ Bools = NDArray[np.bool_]
 
 
 def median(values: Array) -> float:
-    """As `np.median`; NaN of no value."""
+    """Return the median as `np.median`; NaN of no value."""
     if len(values) == 0:
         return float("nan")
     middle = len(values) // 2
@@ -31,7 +31,7 @@ def robust_spread(values: Array) -> float:
 
 
 def quantile(values: Array, share: float) -> float:
-    """As `np.quantile`: between two ranks by a straight line; NaN of no value."""
+    """Return the quantile as `np.quantile`: between two ranks by a straight line; NaN of no value."""
     if len(values) == 0:
         return float("nan")
     place = share * (len(values) - 1)

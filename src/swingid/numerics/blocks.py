@@ -196,7 +196,7 @@ class BlockNodes(GaussNodes):
         return np.zeros((*signals, len(self.rows) - 1, POINTS))
 
     def hold(self, values: Array, ahead: float = 0.0) -> Array:
-        """As `GaussNodes.hold` on all stamps, projected on the blocks."""
+        """Hold as `GaussNodes.hold` on all stamps, projected on the blocks."""
         if ahead == 0.0:
             return self.held(values[:-1])
         ends = GaussNodes(self.stamps, 2).hold(values, ahead)  # a line in each interval

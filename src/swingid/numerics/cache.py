@@ -64,7 +64,7 @@ def cache_folder() -> Path:
 
 
 def _is_mine(path: Path) -> bool:
-    """Whether a file belongs to this user; on Windows the temporary folder is the user's own."""
+    """Return whether a file belongs to this user; on Windows the temporary folder is the user's own."""
     return path.stat().st_uid == os.getuid() if hasattr(os, "getuid") else True
 
 

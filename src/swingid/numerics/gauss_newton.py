@@ -62,7 +62,7 @@ def solve(
 
 
 def solve_from(here: Fit, enough: float = CLOSE_ENOUGH, damping: float = FAR, known: Fit | None = None) -> Fit:
-    """As `solve`, from a point where the problem is evaluated."""
+    """Solve as `solve` does, from a point where the problem is evaluated."""
     if not np.isfinite(here.cost):
         return here
     shooting, least = here.shooting, FAR if damping < FAR else 0.0
@@ -91,7 +91,7 @@ def solve_from(here: Fit, enough: float = CLOSE_ENOUGH, damping: float = FAR, kn
 
 
 def solve_near(here: Fit, enough: float, negligible: float) -> Fit:
-    """As `solve_from`, rough, from values that are nearly the best.
+    """Solve as `solve_from` does, roughly, from values that are nearly the best.
 
     Where the model explains the readings and a step is to lower the cost by less than `negligible`, the change is
     linear in the unknowns, and one simulation will do.
@@ -123,7 +123,7 @@ def _tried(here: Fit, values: Array, states: Array) -> tuple[Fit, float]:
 
 
 def _leads_to(known: Fit, here: Fit, trial: Array, promised: float) -> bool:
-    """Whether the next step, to the values `trial`, is to end at a known minimum that explains the log."""
+    """Return whether the next step, to the values `trial`, is to end at a known minimum that explains the log."""
     wanted, explains = known.values[0], known.cost < EXPLAINED
     near = max(abs(trial[0] - wanted), abs(here.values[0] - wanted)) < SAME * wanted
     return bool(known.converged and explains and near and here.cost - promised < EXPLAINED)

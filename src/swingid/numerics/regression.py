@@ -171,7 +171,7 @@ class Beside:
 
     @classmethod
     def of(cls, columns: Array, fit: LinearFit, more: Array) -> Beside:
-        """Of the columns (n, p) of a fit, whose residuals are those that the further ones (..., n, m) may explain."""
+        """Take the columns (n, p) of a fit, whose residuals are those that the further ones (..., n, m) may explain."""
         lever = fit.influence @ more
         rest = more - columns @ lever
         again = fit.influence @ rest  # what rounding left; twice is enough

@@ -32,7 +32,7 @@ def intervals(time: Array, at: Array) -> Ints:
 
 
 def is_even(time: Array) -> bool:
-    """Whether stamps are even but for their rounding."""
+    """Return whether stamps are even but for their rounding."""
     step = (time[-1] - time[0]) / max(len(time) - 1, 1)
     if abs(time[len(time) // 2] - time[0] - len(time) // 2 * step) > EVEN * step:
         return False
@@ -70,7 +70,9 @@ def spline_slopes(time: Array, values: Array) -> Array:
 
 
 def _dominant_even(known: Array, beside: float, first: float, last: float, levels: int) -> Array:
-    """As `_dominant`, of known sides (..., n) with one number beside the diagonal, others in the first and last row."""
+    """Solve as `_dominant` for known sides (..., n) with one number beside the diagonal, others in the first and last
+    row.
+    """
     count = known.shape[-1]
     if levels == 0 or count == 1:
         return known
@@ -162,7 +164,7 @@ class Samples:
 
     @cached_property
     def even(self) -> bool:
-        """Whether the stamps are even but for their rounding."""
+        """Return whether the stamps are even but for their rounding."""
         return is_even(self.time)
 
     def cubics(self, at: Array, half_width: float) -> Array:
@@ -182,7 +184,9 @@ class Samples:
         return result
 
     def _shared_cubics(self, at: Array, first: Ints, count: Ints) -> Array:
-        """As `cubics`, for even stamps and windows of `count` samples from `first` on: weights common to equal ones."""
+        """Fit as `cubics` for even stamps and windows of `count` samples from `first` on: weights common to equal
+        ones.
+        """
         found = np.empty((4, len(at)))
         for length in np.flatnonzero(np.bincount(count)).tolist():
             for places in _portions(np.flatnonzero(count == length), length):
@@ -221,7 +225,7 @@ def _within(
 
 
 def _own_cubics(time: Array, values: Array, at: Array, half_width: float, first: Ints, count: Ints) -> Array:
-    """As `local_cubic`, one fit for each window, of `count` samples from `first` on."""
+    """Fit as `local_cubic`, one fit for each window, of `count` samples from `first` on."""
     s, x, _ = _within(time, values, at, half_width, first, count)
     square = s * s
     third = square * s

@@ -92,7 +92,7 @@ class _Tests:
 
     @classmethod
     def of(cls, nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
-        """Of these windows."""
+        """Prepare these windows."""
         found = _Places.of(nodes, centres, half)
         s, p = found.s, found.p
         square = p * p
@@ -119,7 +119,7 @@ class _Tests:
 
 
 def _ends(nodes: GaussNodes, found: _Places, centres: Array, half: Array) -> tuple[tuple[Ints, Ints], Array]:
-    """Where the nodes of the intervals are in which the windows begin and end, and `_cut` of these."""
+    """Return where the nodes of the intervals are in which the windows begin and end, and `_cut` of these."""
     several = (found.end > found.begin).nonzero()[0]
     which = np.concatenate([np.arange(len(half)), several])
     k = np.concatenate([found.begin, found.end[several]])
@@ -168,7 +168,7 @@ def project(nodes: GaussNodes, signals: list[tuple[Array, int]], centres: Array,
 
 
 def project_stacked(nodes: GaussNodes, stacked: Array, orders: Ints, centres: Array, half: Array) -> Array:
-    """As `project`, for signals stacked once for many calls: (signals, nodes) with nodes in one row."""
+    """Project as `project` signals that were stacked once for many calls: (signals, nodes) with nodes in one row."""
     result = np.empty((len(centres), len(orders)))
     groups = [(order, (orders == order).nonzero()[0]) for order in sorted(set(orders.tolist()))]
     signals = [np.ascontiguousarray(stacked[own]) for _, own in groups]
@@ -207,7 +207,7 @@ def superposed(nodes: GaussNodes, centres: Array, half: Array, factors: Array, o
 
 
 def superpose(instants: Array, centres: Array, half: Array, factors: Array, order: int) -> Array:
-    """As `superposed`, at any rising instants, for each row of factors (n, windows); returns (n, instants)."""
+    """Superpose as `superposed` at any rising instants, for each row of factors (n, windows); returns (n, instants)."""
     begin = np.searchsorted(instants, centres - half)
     width = int((np.searchsorted(instants, centres + half) - begin).max(initial=1))
     first = np.minimum(begin, len(instants) - width)
@@ -310,7 +310,7 @@ SLOPE_POWER = 3072 / 1155
 
 
 def rate_overlaps(weights: Array, neighbours: Array, reach: int) -> Array:
-    """As `overlaps`, of Σ weights ∫φ' noise: for white noise of a rate, of which ∫φ'' of its integral is −∫φ'.
+    """Return as `overlaps` those of Σ weights ∫φ' noise: white noise of a rate, of which ∫φ'' of its integral is −∫φ'.
 
     weights hold half^(−1/2). ∫φ'φ' = −∫φ''φ.
     """

@@ -28,7 +28,7 @@ SCATTER = "scatter of the logs, inertia and gravity torque together"
 
 
 def is_joint(results: Sequence[Result]) -> bool:
-    """Whether every result holds the pair with its covariance."""
+    """Return whether every result holds the pair with its covariance."""
     return all(set(PAIR) <= set(result.covariance) and set(PAIR) <= set(result.parameters) for result in results)
 
 
@@ -42,7 +42,7 @@ class Pairs:
 
     @classmethod
     def of(cls, results: Sequence[Result], estimates: dict[str, list[Uncertain]]) -> Pairs:
-        """From the results and the estimates of each of the two parameters, per log."""
+        """Pair the results with the estimates of each of the two parameters, per log."""
         flat = [estimates[name][k] for k in range(len(results)) for name in PAIR]
         own = [_own_covariance(result, estimates[PAIR[0]][k]) for k, result in enumerate(results)]
         return cls(np.array([e.value for e in flat]).reshape(-1, 2), np.array(own), [e.of_type("B") for e in flat])
@@ -58,7 +58,7 @@ class Pairs:
         return found
 
     def covariance(self) -> Array:
-        """Of all values, type A and B, (2 n, 2 n)."""
+        """The covariance of all values, type A and B, (2 n, 2 n)."""
         whole = covariance(self.type_b)
         for k, matrix in enumerate(self.own):
             whole[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] += matrix

@@ -99,7 +99,7 @@ def _of_one_law(results: Sequence[Result]) -> list[int]:
 
 
 def _with_averaging(common: Result, smear: float) -> Result:
-    """With the effect of averaging rows on the inertia: anywhere within ± smear (GUM 4.3.7)."""
+    """Add the effect of averaging rows on the inertia: anywhere within ± smear (GUM 4.3.7)."""
     more = float(abs(common.inertia.value) * smear / 3**0.5)
     found = Evaluated(common.parameters, list(common.budget), common.correlation)
     found = found.widened(systematic(AVERAGED, "rectangular"), "inertia", more)
@@ -123,7 +123,7 @@ def _messages(results: Sequence[Result], count: int, *, settled: bool) -> tuple[
 
 
 def _by_code(messages: Sequence[Sequence[Message]]) -> dict[str, list[str]]:
-    """By code: the first message of each part that has one."""
+    """Return by its code the first message of each part that has one."""
     found: dict[str, list[str]] = {}
     for of_part in messages:
         first = {message.code: message.message for message in reversed(of_part)}
@@ -195,7 +195,7 @@ def _without(parts: Sequence[Part]) -> list[Message]:
 
 
 def _provenance(parts: Sequence[Part], results: Sequence[Result]) -> dict[str, object]:
-    """That of the first part, with the rows and the repairs of all and a line for each."""
+    """Return the provenance of the first part, with the rows and the repairs of all and a line for each."""
     lines = []
     for part in parts:
         line: dict[str, object] = {"start": part.start, "stop": part.stop, "rows": part.rows, "averaged": part.averaged}

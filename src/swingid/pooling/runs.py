@@ -49,7 +49,9 @@ class Runs:
         return values_of(tare, names), values_of(loaded, names)
 
     def _labelled(self, entry: BudgetEntry, run: str) -> BudgetEntry:
-        """With the run in the name of a source that is its own; without the sign of its effect a shared one is, too."""
+        """Put the run into the name of a source that is its own; without the sign of its effect a shared one is,
+        too.
+        """
         shared = entry.shared_id
         if shared is not None and shared not in self.apart and entry.sensitivity is not None:
             return entry
@@ -57,7 +59,7 @@ class Runs:
 
     @property
     def unit(self) -> str:
-        """Of the inertia."""
+        """The unit of the inertia."""
         return self.tare.inertia.unit
 
 

@@ -177,7 +177,7 @@ def _short(names: Sequence[str]) -> list[str]:
 
 
 def _provenance(sound: Sequence[Result], results: Sequence[Result], friction: str) -> dict[str, object]:
-    """That of the first log, with all logs in the place of one."""
+    """Return the provenance of the first log, with all logs in the place of one."""
     found = of_several(sound[0].provenance, [one.provenance for one in results])
     options = found.pop("options", None)
     return found | {"options": {"friction": friction} | (dict(options) if isinstance(options, dict) else {})}
@@ -201,7 +201,7 @@ def of_logs(results: Sequence[Result], names: Sequence[str], *, settled: bool) -
 
 
 def conditioning(inertia: Parameter, budget: Sequence[BudgetEntry]) -> list[Message]:
-    """Whether the logs together distinguish inertia from gravity torque."""
+    """Return whether the logs together distinguish inertia from gravity torque."""
     own = sum(e.standard_uncertainty**2 for e in budget if e.parameter == "inertia" and e.type == "A") ** 0.5
     relative = own / max(abs(inertia.value), 1e-300)
     if inertia.value <= 0 or relative > HOPELESS:
@@ -289,7 +289,7 @@ def _shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> M
 
 
 def _friction_note(results: Sequence[Result], names: Sequence[str]) -> Message:
-    """Whether friction, left to each log, agrees between them."""
+    """Return whether friction, left to each log, agrees between them."""
     own = {name: estimates_of(results, name) for name in given_by_all(results) if name not in PAIR}
     laws = {tuple(name for name in result.parameters if name not in PAIR) for result in results}
     found = _disagreements(own, names, results[0].parameters)

@@ -130,7 +130,7 @@ def _scatter(sizes: Array) -> float:
 
 
 def _stays(envelope: Array, kicks: Ints) -> Bools:
-    """Whether the envelope after each growth is a unit above its course before, of two disjoint medians."""
+    """Return whether the envelope after each growth is a unit above its course before, of two disjoint medians."""
     before, step = np.maximum(kicks - REACH, 0), 2 * REACH + 1
     after = np.minimum(kicks + REACH + 1, len(envelope) - 1)
     loss = np.where(before >= step, envelope[before] - envelope[np.maximum(before - step, 0)], 0.0)
@@ -179,12 +179,13 @@ def _regular(times: Array, first: int, last: int) -> int:
 
 
 def _shrinks(swings: _Swings, first: int, last: int) -> bool:
-    """Whether a run has enough swings, and falls by more than scatter does."""
+    """Return whether a run has enough swings, and falls by more than scatter does."""
     return last - first + 2 >= FEWEST_TURNS and bool(swings.single[first] - swings.single[last] > FALL)
 
 
 def _is_free(swings: _Swings, first: int, last: int) -> bool:
-    """Whether a run of shrinking swings is not one of those that a hand makes, which drives the body now and then.
+    """Return whether a run of shrinking swings is not one of those that a hand makes, which drives the body now and
+    then.
 
     Swings that grow and shrink at random hold a run of n shrinking ones after one in 2ⁿ pushes; where a push lasts
     several swings, that many count as one. A run is also free where the loss of its swings is a smooth course, and the
@@ -204,7 +205,7 @@ def _is_free(swings: _Swings, first: int, last: int) -> bool:
 
 
 def _is_smooth(sizes: Array) -> bool:
-    """Whether sizes scatter by less than a share of their fall about a parabola, as friction makes it."""
+    """Return whether sizes scatter by less than a share of their fall about a parabola, as friction makes it."""
     places = np.linspace(-1.0, 1.0, len(sizes))
     left = sizes - np.polynomial.Polynomial.fit(places, sizes, 2)(places)
     return float(np.sqrt(left @ left / (len(sizes) - 3))) < ROUGH * float(sizes[0] - sizes[-1])

@@ -131,7 +131,7 @@ def corrected(log: Recording, rig: Rig) -> tuple[Recording, Encoders, tuple[Corr
 
 
 def is_off(log: Recording, repair: str) -> bool:
-    """Whether a repair of the log is switched off."""
+    """Return whether a repair of the log is switched off."""
     return any(one.code == "repair-off" and one.repair == repair for one in log.findings)
 
 

@@ -268,7 +268,7 @@ def _filtered(signals: Array, kernel: Array) -> Array:
 
 
 def _within(bins: Bools) -> Bools:
-    """Whether any of these bins lies in each window."""
+    """Return whether any of these bins lies in each window."""
     before = np.concatenate([[0], np.cumsum(bins)])
     result: Bools = before[2 * BINS + 1 :] > before[: -2 * BINS - 1]
     return result

@@ -164,7 +164,7 @@ def levelled(log: Recording, rig: Rig) -> tuple[Recording, Level | None]:
 
 
 def spins(rate: Array, rig: Rig) -> bool:
-    """Whether a body turns in one direction all the time, as in a coast-down, but for a twentieth of the rows.
+    """Return whether a body turns in one direction all the time, as in a coast-down, but for a twentieth of the rows.
 
     Not a free one that is drawn back and whose rate swings less and less about one mean, which is the bias, as of a
     gyroscope in volts: what gravity changes in the speed of a body that turns over grows as it slows down.

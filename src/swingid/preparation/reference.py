@@ -140,7 +140,9 @@ def _driven(rig: Rig, key: str, name: str, changes: dict[str, object]) -> Refere
 
 
 def turns_freely(rig: Rig) -> bool:
-    """Whether nothing but friction acts on the axis: a body that spins down, whose friction over inertia is found."""
+    """Return whether nothing but friction acts on the axis: a body that spins down, whose friction over inertia is
+    found.
+    """
     return rig.drive.channel is None and rig.axis.gravity_torque == Quantity(0.0) and not rig_terms(rig)
 
 

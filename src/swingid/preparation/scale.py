@@ -140,7 +140,8 @@ one turns nearer to its rest, from which the zero may be off by a quarter of the
 
 
 def _only_loses(log: Recording, rig: Rig, motion: Motion) -> bool:
-    """Whether what is used of a log is a free decay, but for its first swings, in which a hand may hold the body.
+    """Return whether what is used of a log is a free decay, but for its first swings, in which a hand may hold the
+    body.
 
     Of fewer swings than show one, whether they shrink and do not lead away from where the body rests.
     """

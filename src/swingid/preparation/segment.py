@@ -96,7 +96,8 @@ def longest_run(log: Recording) -> Recording:
 
 
 def _steady(motion: Motion, start: float, stop: float, left_out: Iterable[Iterable[float]]) -> tuple[float, float]:
-    """From the first swing after which the sizes of swings keep within the range of the log's second half.
+    """Return the part from the first swing after which the sizes of swings keep within the range of the log's second
+    half.
 
     With excluded parts, from where the first of the runs before, between and after them is steady, within the range of
     the second half of the longest. The whole log where too few swings remain: a motion that only grows has no steady

@@ -29,7 +29,7 @@ class VerticalMotion:
 
     @classmethod
     def of(cls, rig: Rig, stiffness: float | None, turning_angles: Array) -> VerticalMotion | None:
-        """From the amplitudes, weighted by their squares as in a fit; None without strings, or of unknown height.
+        """Return the effect by the amplitudes, weighted by their squares; None without strings, or of unknown height.
 
         stiffness: κ as identified, None where the rig states it.
         """
@@ -46,7 +46,7 @@ class VerticalMotion:
         return cls(0.5 * kappa * strings.rise * square, float(height))
 
     def counted(self, evaluated: Evaluated) -> Evaluated:
-        """With the whole effect as a standard uncertainty of the inertia."""
+        """Return the result with the whole effect as a standard uncertainty of the inertia."""
         return evaluated.widened(systematic(SOURCE), "inertia", self.inertia)
 
     def note(self, inertia: float) -> Message:

@@ -27,7 +27,8 @@ class Unwrapped:
 
 
 def is_wrapped(values: Array, turn: float) -> bool:
-    """Whether an angle (n,), in units of which `turn` make one turn, is logged within one turn and jumps at its edges.
+    """Return whether an angle (n,), in units of which `turn` make one turn, is logged within one turn and jumps at its
+    edges.
 
     True when it stays within one turn (a few spikes apart) and steps by more than half a turn occur, either
     at more rows than spikes would, or such that the motion goes on evenly if whole turns are disregarded. An
@@ -285,7 +286,7 @@ def find_jumps(time: Array, values: Array, rows: int = 1) -> list[tuple[int, flo
 
 
 def _gaps(time: Array, values: Array) -> tuple[Array, Bools]:
-    """By how much each step differs from what the mean speeds on both sides make of it, and where that is known.
+    """Return by how much each step differs from what the mean speeds on both sides make of it, and where that is known.
 
     Mean speeds over some rows, for stamps may lie close together. 0 near the ends and where rows are missing.
     """

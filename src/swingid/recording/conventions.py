@@ -112,7 +112,7 @@ class Conventions:
 
     @classmethod
     def live(cls, rig: Rig) -> Conventions:
-        """Those of the journal of a live run, whatever [log] states for other logs of the rig."""
+        """Return the conventions of a live run's journal, whatever [log] states for other logs of the rig."""
         return replace(cls.plain(), drive_kind=rig.drive.kind)
 
     @classmethod
@@ -309,7 +309,7 @@ def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
 
 
 def _is_empty(values: Array) -> bool:
-    """Whether no cell is a number; quick where the first one is."""
+    """Return whether no cell is a number; quick where the first one is."""
     return values.size == 0 or bool(np.isnan(values[0]) and np.isnan(values).all())
 
 

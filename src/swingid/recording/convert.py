@@ -47,7 +47,7 @@ def convert(source: str | Path, target: str | Path) -> tuple[int, list[str], lis
 
 
 def _convert_large(source: str | Path, target: Path) -> tuple[int, list[str], list[str]]:
-    """As `convert`, of a large log into Parquet, in bounded memory.
+    """Convert a large log into Parquet, in bounded memory.
 
     A column without a number in its first rows is left out.
 

@@ -42,7 +42,7 @@ class Comparison:
 
     @property
     def is_unsteady(self) -> bool:
-        """Whether the least delays scatter by more than a turn: a clock has jumped, or the host stood still."""
+        """Return whether the least delays scatter by more than a turn: a clock has jumped, or the host stood still."""
         return self.scatter > TURN
 
 

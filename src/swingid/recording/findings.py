@@ -58,7 +58,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where a recording came from: path as given, SHA-256 of the file; None for data made in memory.
+    """The file that a recording came from: path as given, its SHA-256; None for data made in memory.
 
     read: whether its channels are columns that were read by the conventions of a rig file.
     """

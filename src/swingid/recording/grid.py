@@ -67,12 +67,12 @@ def _refined(changes: Array, step: float) -> float:
 
 
 def step_of(values: Array) -> float:
-    """As `grid_of`, also of a motion that is slow or all of single steps: between rows that are farther apart."""
+    """Find the step as `grid_of` does, also of a slow motion or one of single steps: between rows farther apart."""
     return next((step for rows in STRIDES if (step := grid_of(values[::rows]))), 0.0)
 
 
 def is_decimal(step: float) -> bool:
-    """Whether a step is 1, 2 or 5 times a power of ten, as of written digits rather than of an encoder."""
+    """Return whether a step is 1, 2 or 5 times a power of ten, as of written digits rather than of an encoder."""
     if step < np.finfo(np.float64).tiny:  # below, a double has fewer digits, and its power of ten may be 0
         return False
     mantissa = step / 10.0 ** np.floor(np.log10(step) + 1e-9)

@@ -44,7 +44,7 @@ SMALL = 2e-3
 
 
 def is_live(table: Table) -> bool:
-    """Whether a table is the journal of a live run."""
+    """Return whether a table is the journal of a live run."""
     return bool(table.metadata.get("live"))
 
 

@@ -211,7 +211,7 @@ def _no_reference(table: Table, conventions: Conventions) -> tuple[Finding, ...]
 
 
 def _drive_held(table: Table, conventions: Conventions) -> bool:
-    """Whether the drive was held: as a file written by swingid states, else as the rig file does."""
+    """Return whether the drive was held: as a file written by swingid states, else as the rig file does."""
     written = table.metadata.get("log")
     held = written.get("drive_held") if isinstance(written, dict) else None
     return held if isinstance(held, bool) else conventions.drive_held

@@ -154,7 +154,8 @@ class _Log:
     widths: list[tuple[int, int]]
 
     def excess(self, before: Ints, sure: float) -> _Best:
-        """With so many rows lost before each row: the excess at each step, of the width with the least deviation.
+        """Return the excess at each step, with so many rows lost before each row, of the width with the least
+        deviation.
 
         sure: standard deviations beyond which it matters; 0 where rows are lost for certain, of which one at a step is
         no kink of the motion.
@@ -244,7 +245,7 @@ def _where_hard(std: Array, power: Array, found: Bools) -> float:
 
 
 def _strongest(steps: Ints, gain: Array, apart: Array) -> Ints:
-    """Of steps that are so few steps apart, the one with the largest gain."""
+    """Return, of steps that are so few steps apart, the one with the largest gain."""
     taken = np.zeros(len(gain), dtype=bool)
     kept = []
     for step in steps[np.argsort(-gain[steps], kind="stable")]:

@@ -73,7 +73,7 @@ class Circle:
 
     @property
     def is_arc(self) -> bool:
-        """Whether the points lie on a circle, and not nearly as well on a line (scatter alike) or in a cloud."""
+        """Return whether the points lie on a circle, and not nearly as well on a line (scatter alike) or in a cloud."""
         along = float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
         return self.scatter < 0.05 * self.radius and self.line > 2 * self.scatter and along < LARGEST * self.radius
 

@@ -101,7 +101,7 @@ class Recording:
 
     @property
     def is_live(self) -> bool:
-        """Whether this is the journal of a live run, which does not read [log]."""
+        """Return whether this is the journal of a live run, which does not read [log]."""
         return bool(self.metadata.get("live"))
 
     @property
@@ -176,7 +176,7 @@ class Recording:
         still_axis: bool = False,
         repairs: Mapping[str, bool] | None = None,
     ) -> Recording:
-        """As `from_columns`, of the table that a file format's reader gives; `source` None: made in memory."""
+        """Make a Recording as `from_columns` does of a file format's table; `source` None: made in memory."""
         from swingid.recording.load import contents_of
 
         return cls(**contents_of(table, rig, source or Source(), still_axis=still_axis, repairs=repairs))

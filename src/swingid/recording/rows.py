@@ -163,7 +163,7 @@ OPTIONAL = ("reference", "adaptive_gain")  # for pictures only: a gap in them co
 
 
 def few(count: int, rows: int) -> bool:
-    """Whether faults in so many of the rows are slips of a logger."""
+    """Return whether faults in so many of the rows are slips of a logger."""
     return count <= max(3, MANY * rows)
 
 

@@ -103,7 +103,7 @@ def energy_block(
     unknowns, columns = columns_of(rows, equation, BASIS)
 
     def declared(values: Array) -> list[RowError]:
-        """On differences from the block's mean."""
+        """The declared errors, on differences from the block's mean."""
         known = equation.stated | dict(zip(unknowns, values.tolist(), strict=True))
         found = (item for item in pass_errors(rows, rig, equation, known) if item.std > 0)
         return [replace(item, rows=rows.within(item.rows)) for item in found]

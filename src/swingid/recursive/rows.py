@@ -135,13 +135,13 @@ class SwingBuffer:
 
     @property
     def _threshold(self) -> float:
-        """By how much the angle must come back, from the swings known so far."""
+        """Return by how much the angle must come back, from the swings known so far."""
         angles = [self.rows[k][1] for k in self.extremes[-2:]]
         size = abs(angles[1] - angles[0]) if len(angles) == 2 else 0.0
         return max(BACK * size, self.least)
 
     def _turned(self) -> bool:
-        """Whether the last row shows that an extreme was a turning point."""
+        """Return whether the last row shows that an extreme was a turning point."""
         last, threshold = len(self.rows) - 1, self._threshold
         value = self.rows[last][1]
         for side, far in self._farthest.items():

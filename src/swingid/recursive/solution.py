@@ -124,7 +124,9 @@ class Recursion:
         return replace(plain, timing=np.abs(plain.inverse @ self._gram[:, k]) * impulse.left)
 
     def _impulse(self, signals: Signals, values: Array, found: tuple[float, float]) -> Impulse:
-        """Whether the impulse `found` (value, standard uncertainty) is an unknown; values: of the plain solution."""
+        """Return whether the impulse `found` (value, standard uncertainty) is an unknown; values: of the plain
+        solution.
+        """
         known = dict(zip(self.unknowns, values.tolist(), strict=True))
         torque = Law("", BASIS, np.array([known[name] for name in BASIS]), np.nan).torque
         levels = dry_levels(signals, lambda name: known.get(name, 0.0))
@@ -226,7 +228,7 @@ class SwingEstimate:
 
 @dataclass
 class Reporter:
-    """From solutions to estimates, with the scatter of single swings; relative: as in `evaluate`."""
+    """Makes estimates of solutions, with the scatter of single swings; relative: as in `evaluate`."""
 
     relative: float
     _squares: float = field(default=0.0)

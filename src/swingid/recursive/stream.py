@@ -111,7 +111,7 @@ class Estimator:
 
 
 class Swings:
-    """From rows to blocks: reading, cutting into pieces, the balance of each.
+    """Makes blocks of rows: reading, cutting into pieces, the balance of each.
 
     without: turning points whose piece gave no block. noise: of the channels, from the first piece.
     """
@@ -196,7 +196,7 @@ class Swings:
         return MAKERS[self.method](log, self.rig, self.equation, self.noise, motion, encoders, at)
 
     def _left_alone(self, motion: Motion, at: int) -> bool:
-        """Whether no torque but friction acts: in a free decay each swing is smaller than the one before."""
+        """Return whether no torque but friction acts: in a free decay each swing is smaller than the one before."""
         if self.equation.driven:
             return True
         before, after = motion.swing_sizes[at - 1 : at + 1]

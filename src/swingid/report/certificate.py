@@ -89,7 +89,7 @@ class Certificate(Table):
 
     @property
     def accredited(self) -> bool:
-        """Whether the laboratory states that it is accredited."""
+        """Return whether the laboratory states that it is accredited."""
         return self.laboratory.accreditation is not None
 
     @model_validator(mode="after")

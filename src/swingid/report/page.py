@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def is_pdf(path: str | Path) -> bool:
-    """Whether a report of this name is a PDF."""
+    """Return whether a report of this name is a PDF."""
     return Path(path).suffix.lower() == ".pdf"
 
 

@@ -157,7 +157,7 @@ def prefixed(values: Array, unit: str) -> tuple[float, str]:
 
 
 def envelope(time: Array, values: Array, bins: int = 900) -> tuple[Array, Array]:
-    """At most about 2·`bins` of the samples, such that a drawn line covers what all of them would.
+    """Choose at most about 2·`bins` of the samples, such that a drawn line covers what all of them would.
 
     Each of `bins` equal parts of the log keeps its smallest and its largest sample in their order, so peaks survive. A
     gap of more than five sampling steps is broken by NaN instead of bridged; NaN samples are breaks too.

@@ -305,7 +305,7 @@ def correlation_rows(result: Result) -> list[Row]:
 
 
 def truth_row(result: Result, log: Recording) -> Row | None:
-    """For a log of the twin: the inertia it was made with, and how far the answer is off."""
+    """Return, for a log of the twin, the inertia it was made with, and how far the answer is off."""
     truth = log.metadata.get("truth")
     inertia = truth.get("inertia") if isinstance(truth, dict) else None
     if not isinstance(inertia, int | float) or not inertia or "inertia" not in result.parameters:

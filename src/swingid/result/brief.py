@@ -89,7 +89,7 @@ def _draws(result: ResultData) -> Iterator[tuple[str, str]]:
 
 
 def _logs(result: ResultData) -> Iterator[tuple[str, str]]:
-    """Of each log its value, its deviation from the common one, its warnings, or why it has none."""
+    """List for each log its value, its deviation from the common one, its warnings, or why it has none."""
     for one in result.per_log[:MOST_LOGS]:
         name, _, off, warnings = log_row(one, result)
         if one.leading not in one.parameters:  # for which reason the warning says

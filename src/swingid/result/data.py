@@ -39,7 +39,7 @@ class SwingSeries:
 
     @classmethod
     def of(cls, times: Array, sides: Array, values: Array, expected: Array | float = 0.0) -> SwingSeries:
-        """With the spread of the values as the uncertainty of each, or what is expected of it where that is more."""
+        """Average values with their spread as the uncertainty of each, or what is expected of it where that is more."""
         return cls(times, sides, values, np.maximum(np.full(len(values), expected), robust_spread(values)))
 
 

@@ -46,7 +46,7 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
 
 
 def of_several(first: Mapping[str, object], each: Iterable[Mapping[str, object]]) -> dict[str, object]:
-    """That of the first log, with all logs in the place of one."""
+    """Return the provenance of the first log, with all logs in the place of one."""
     logs, own = list(each), {name: one for name, one in first.items() if name not in ("log", "log_sha256", "rows")}
     return {f"logs{more}": [one.get(f"log{more}") for one in logs] for more in ("", "_sha256")} | own
 

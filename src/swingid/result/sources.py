@@ -57,5 +57,5 @@ def value_of(result: ResultData | Evaluated, name: str, identity: Identity = by_
 
 
 def is_correlated(result: ResultData | Evaluated, names: Iterable[str]) -> bool:
-    """Whether the result states how these parameters are correlated."""
+    """Return whether the result states how these parameters are correlated."""
     return all(name in result.correlation for name in names)

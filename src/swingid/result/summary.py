@@ -171,7 +171,7 @@ def _logs(result: ResultData) -> list[str]:
 
 
 def log_row(one: ResultData, common: ResultData, *, fine: bool = False) -> tuple[str, str, str, str]:
-    """Of one of several logs: its name, its inertia, its deviation from the common one, its warnings."""
+    """Return one of several logs as a row: name, inertia, deviation from the common one, warnings."""
     name = str(one.provenance.get("log") or "made in memory")
     if one.leading not in one.parameters:
         return name, "no number", "", " ".join(one.error.message.split()) if one.error else ""
@@ -210,7 +210,7 @@ AGREEMENT = {
 
 
 def _distributions(result: ResultData) -> list[str]:
-    """Of each parameter: mean, standard uncertainty and shortest interval of the draws, and the comparison."""
+    """List for each parameter mean, standard uncertainty and shortest interval of the draws, and the comparison."""
     found = result.monte_carlo
     if found is None:
         return []

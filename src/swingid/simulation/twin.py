@@ -196,7 +196,7 @@ def simulate(
 
 
 def simulate_run(*arguments: Any, truth_times: ArrayLike | None = None, **options: Any) -> Run:
-    """As `simulate`, with the true motion beside the recording, at the rows' instants or at `truth_times` (s, rising).
+    """Simulate as `simulate`, with the true motion beside the recording, at the rows or at `truth_times` (s, rising).
 
     For tests and plots: identification is given `Run.recording`, never `Run.truth`. Errors as `simulate`.
     """

@@ -33,7 +33,7 @@ class ResultsTable:
 
     @property
     def answered(self) -> bool:
-        """Whether any log has a number."""
+        """Return whether any log has a number."""
         return any(one.status != "refused" for one in self.results.values())
 
     def rows(self) -> Iterator[tuple[object, ...]]:

@@ -178,7 +178,7 @@ class Expectation:
 
     @classmethod
     def of(cls, rows: Sequence[Row]) -> Expectation:
-        """Of some rows of one method and quantity."""
+        """Summarise some rows of one method and quantity."""
         lows, highs, truths = (np.array([row[name] for row in rows]) for name in ("low", "high", "truth"))
         return cls(
             rows[0]["method"],

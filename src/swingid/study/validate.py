@@ -165,7 +165,7 @@ def validate(
 
 
 def _notes(result: Result, logs: Sequence[Recording], rig: Rig) -> Iterator[str]:
-    """That a log was fitted, and that the rig is not that of the result."""
+    """Note that a log was fitted, and that the rig is not that of the result."""
     provenance = result.provenance
     hashes = provenance.get("logs_sha256")
     fitted = {str(h) for h in (hashes if isinstance(hashes, list) else [provenance.get("log_sha256")]) if h}
@@ -178,7 +178,7 @@ def _notes(result: Result, logs: Sequence[Recording], rig: Rig) -> Iterator[str]
 
 
 def _misfits(predictions: Sequence[Prediction]) -> Iterator[str]:
-    """That a log contradicts the model, and which statement of the rig file to check."""
+    """Warn that a log contradicts the model, and say which statement of the rig file to check."""
     for p in predictions:
         if p.swing_fit >= POOR:
             continue

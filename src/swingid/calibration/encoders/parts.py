@@ -83,7 +83,7 @@ def bounded(rig: Rig) -> Rig:
 
 
 def latency_key(rig: Rig) -> str:
-    """Where the latency between the channels is written: at the wheel where there is one, else at the angle."""
+    """Return the key of the latency between the channels: the wheel's where there is one, else the angle's."""
     return f"{[*tables_of(rig).values()][-1]}.latency"
 
 

@@ -57,7 +57,7 @@ MOTOR = ("torque_per_volt", "back_emf", "viscous", "coulomb")
 
 @dataclass(frozen=True)
 class Conversion:
-    """From products to constants by what the rig states; coupled: the rotor's inertia comes from the products."""
+    """Converts products into constants by what the rig states; coupled: the rotor's inertia comes from the products."""
 
     rig: Rig
     coupled: bool

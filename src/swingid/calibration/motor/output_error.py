@@ -101,7 +101,7 @@ class Shots:
 
     @classmethod
     def of(cls, logs: Sequence[WheelLog]) -> Shots:
-        """Of logs, each shot begun where the wheel turns fast, so that it does not begin at rest."""
+        """Divide the logs into shots that each begin where the wheel turns fast, so not at rest."""
         places, starts, parts = [], [], []
         for place, log in enumerate(logs):
             time = log.nodes.time

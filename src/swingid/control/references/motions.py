@@ -245,7 +245,7 @@ class Strokes:
         return f"strokes {self.amplitude!r} {self.unit} {self.stroke_time!r} s {self.dwell!r} s"
 
     def _phase(self, t: Array) -> tuple[Array, Array, Array]:
-        """Where the stroke of each time begins, its signed way, and the part 0 ... 1 of its time gone."""
+        """Return where the stroke of each time begins, its signed way, and the part 0 ... 1 of its time gone."""
         cycle = self.stroke_time + self.dwell
         t = np.maximum(np.asarray(t, dtype=float), 0.0)
         number = np.floor(t / cycle)

@@ -63,7 +63,9 @@ def parse_reference(text: str, unit: str = "rad") -> Reference:
 
 
 def reference_for(text: str, rig: Rig) -> Reference:
-    """As `parse_reference`, a bare amplitude in the unit of the rig's axis; UsageError also for a motion of another."""
+    """Parse as `parse_reference`, a bare amplitude in the unit of the rig's axis; UsageError for a motion of
+    another.
+    """
     motion = parse_reference(text, "m" if rig.axis.kind == "linear" else "rad")
     require_axis(motion, rig.axis.kind)
     return motion

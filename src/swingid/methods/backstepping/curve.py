@@ -80,7 +80,7 @@ class Settled:
 
 
 def settled_part(curve: Curve) -> Settled:
-    """From the middle of the log or from where the curve keeps within 1 %, whichever is later; at least a quarter.
+    """Return the part from the middle of the log, or from where the curve keeps within 1 %; at least a quarter.
 
     Raises UnanswerableError for a log of too few swings.
     """

@@ -97,7 +97,7 @@ def channels_of(log: Recording, widths: Widths | None) -> Channels:
 
 
 def resting(time: Array, wheel_speed: Array, widths: Widths) -> Bools:
-    """Where the wheel rests: its speed is not significant for longer than a reversal takes.
+    """Find where the wheel rests: its speed is not significant for longer than a reversal takes.
 
     Smoothing shortens a rest by half of its half-width at either end.
     """

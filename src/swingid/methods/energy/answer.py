@@ -90,7 +90,7 @@ def _sought(fit: PassFit) -> dict[str, Array]:
 
 
 def _depends_on_direction(fit: PassFit) -> bool:
-    """Whether the even terms of friction are significant (chi-square of two, 99.9 %) and not negligible."""
+    """Return whether the even terms of friction are significant (chi-square of two, 99.9 %) and not negligible."""
     if "viscous_even" not in fit.unknowns or not fit.has_scatter:
         return False
     even = [fit.unknowns.index("offset"), fit.unknowns.index("viscous_even")]

@@ -32,7 +32,7 @@ class Chain:
 
     @classmethod
     def of(cls, velocities: str, filter_time: float | None) -> Chain:
-        """From the options of the method. Raises UsageError for other values."""
+        """Read the options of the method. Raises UsageError for other values."""
         if velocities not in ("smoothed", "observers"):
             text = f'unknown velocities {velocities!r} of "energy"; choose "smoothed" or "observers".'
             raise UsageError(text, code="no-velocities")

@@ -44,7 +44,7 @@ class PassFit(NamedFit):
 
     @property
     def has_scatter(self) -> bool:
-        """Whether the covariance could be evaluated."""
+        """Return whether the covariance could be evaluated."""
         return bool(np.isfinite(self.covariance[0, 0]))
 
 

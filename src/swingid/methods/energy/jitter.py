@@ -71,7 +71,7 @@ def find_jitter(log: Recording, noise: Noise) -> Jitter:
 
 
 def _even_stretches(steps: Array, step: float) -> Bools:
-    """Whether the six steps from each row on are the typical one."""
+    """Return whether the six steps from each row on are the typical one."""
     odd = np.concatenate([[0], np.cumsum(np.abs(steps - step) > EVEN * step)])
     result: Bools = odd[6:] == odd[:-6]
     return result

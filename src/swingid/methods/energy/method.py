@@ -136,7 +136,7 @@ class _How:
             raise UsageError('nodes and work belong to variant="printed"; leave them out.', code="printed-only")
 
     def options(self) -> dict[str, object]:
-        """Those that are not the default, and the variant, for the provenance."""
+        """The options that are not the default, and the variant, for the provenance."""
         options: dict[str, object] = {"variant": self.variant}
         if self.nodes is not None:
             options["nodes"] = node_tuples(self.nodes)

@@ -305,7 +305,9 @@ def _details(found: Together) -> Details:
 
 
 def _provenance(found: Together, prepared: Sequence[Prepared]) -> dict[str, object]:
-    """That of the only log, or of the first with all logs in the place of one, and the inertias that were added."""
+    """Return the provenance of the only log, or of the first with all logs in the place of one, and the inertias that
+    were added.
+    """
     rig = prepared[0].rig
     each = [provenance(run.part.log, rig) for run in found.runs]
     preparation = [

@@ -61,7 +61,7 @@ class Estimate:
 
     @property
     def robust(self) -> bool:
-        """Whether outliers have less weight; the momentum balance is not robust against them."""
+        """Return whether outliers have less weight; the momentum balance is not robust against them."""
         return bool(np.any(self.searched.fit.weights < 1.0))
 
     @property

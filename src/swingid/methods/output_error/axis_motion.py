@@ -44,7 +44,9 @@ def pull_at(x: float, p: Array) -> float:
 
 @njit
 def axis_step(work: Array, h: float, mode: Mode, u: float, p: Array) -> float:
-    """As `integrator.step`; the error estimate allows a step to pass a good part of Stribeck's peak, or any length."""
+    """Step as `integrator.step`; the error estimate allows a step to pass a good part of Stribeck's peak, or any
+    length.
+    """
     error, s = 0.0, mode[0]
     if p[STRIBECK_SPEED] > 0.0 and abs(work[NOW, V1]) < 4.0 * p[STRIBECK_SPEED]:
         change = h * abs(work[FIRST, V1]) / (PEAK_SHARE * p[STRIBECK_SPEED])
@@ -78,7 +80,7 @@ def axis_step(work: Array, h: float, mode: Mode, u: float, p: Array) -> float:
 
 @njit
 def axis_begin(work: Array, u: float, p: Array) -> Mode:
-    """As `sticking.begin_mode`: the side to which the axis goes, 0 where friction holds it."""
+    """Begin as `sticking.begin_mode`: the side to which the axis goes, 0 where friction holds it."""
     q, v, pull = work[NOW, Q1], work[NOW, V1], pull_at(work[NOW, Z], p)
     s = side(v)
     if s == 0:

@@ -165,7 +165,7 @@ def left_of_channels(searched: Searched) -> dict[str, float]:
 
 
 def is_poor(found: Searched) -> bool:
-    """Whether a residual is above what the sensors explain, or the motion diverges."""
+    """Return whether a residual is above what the sensors explain, or the motion diverges."""
     if not np.isfinite(found.fit.cost):
         return True
     return max(left / expected for left, expected in misfit(found).values()) > POOR

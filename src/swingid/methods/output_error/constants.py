@@ -73,7 +73,9 @@ def scaled_places(p: Array) -> Places:
 
 
 def is_felt(key: str, input: str) -> bool:
-    """Whether a constant enters the simulation: most of the motor's do not where the measured wheel is the input."""
+    """Return whether a constant enters the simulation: most of the motor's do not where the measured wheel is the
+    input.
+    """
     return input == "voltage" or not key.startswith("drive.") or key in INERTIAS
 
 

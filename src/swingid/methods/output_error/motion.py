@@ -281,7 +281,7 @@ def _slopes_at(
     jacobian: Array,
     block: Array,
 ) -> None:
-    """At a point within `mode`: ∂q''/∂(q1, q1', q2') and M⁻¹ into jacobian[at] (9,), ∂r/∂θ into `block`."""
+    """Evaluate at a point within `mode` ∂q''/∂(q1, q1', q2') and M⁻¹ into jacobian[at] (9,), ∂r/∂θ into `block`."""
     q1, v1, v2 = points[at, 0], points[at, 1], points[at, 2]
     s1, s2, branch = int(mode[0]), int(mode[1]), int(mode[2])
     sliding_row(q1, points[at, 5], v1, s1, p, rows[0])

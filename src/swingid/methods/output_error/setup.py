@@ -63,7 +63,7 @@ class Setup:
         starts: int,
         segment: float | None,
     ) -> Setup:
-        """From the options of the method; errors as `output_error`."""
+        """Read the options of the method; errors as `output_error`."""
         names = names_of(free)
         if law != "auto":
             friction_unknowns(law)
@@ -172,7 +172,7 @@ def _require_resolved(part: Part, equation: Equation) -> None:
 
 
 def _rows_lost(log: Recording) -> bool:
-    """Whether more than `MOST_LOST` of the rows are missing, and with them the voltage held there."""
+    """Return whether more than `MOST_LOST` of the rows are missing, and with them the voltage held there."""
     steps = np.diff(log.time)
     lost = float(np.sum(np.maximum(np.rint(steps / np.median(steps)) - 1, 0)))
     return lost > MOST_LOST * len(log)

@@ -78,7 +78,7 @@ class Unknown:
 
     @property
     def is_sought(self) -> bool:
-        """Whether it is a result: without prior."""
+        """Return whether it is a result: without prior."""
         return not np.isfinite(self.std)
 
 
@@ -113,7 +113,7 @@ class Unknowns:
         return np.array([item.std**-2.0 for item in self.items])
 
     def zero_bound(self, values: Array) -> bool:
-        """Whether `values` (m,) have the zero offset at its bound."""
+        """Return whether `values` (m,) have the zero offset at its bound."""
         return self.zero is not None and abs(values[self.zero]) >= self.items[self.zero].high
 
     def with_zero_of(self, other: Unknowns | None) -> Unknowns:

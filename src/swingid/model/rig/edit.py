@@ -39,7 +39,7 @@ def edited(text: str, values: Mapping[str, object]) -> tuple[str, bool]:
 
 
 def _there(document: Mapping[str, Any], dotted: str) -> bool:
-    """Whether there is a value at a dotted key."""
+    """Return whether there is a value at a dotted key."""
     at: Any = document
     for part in dotted.split("."):
         if not isinstance(at, Mapping) or part not in at:

@@ -100,7 +100,7 @@ def scale_or_unknown(unit: str) -> PlainValidator:
 
 
 def plain_number(rotary: str, linear: str | None = None, **limits: Unpack[Limits]) -> PlainValidator:
-    """As `quantity`, for numbers that describe a spread or a limit themselves: an uncertainty is refused."""
+    """Read as `quantity` does a number that describes a spread or a limit; an uncertainty is refused."""
 
     def read(raw: object, info: ValidationInfo) -> float:
         found = read_quantity(raw, info, rotary, linear)
@@ -112,7 +112,7 @@ def plain_number(rotary: str, linear: str | None = None, **limits: Unpack[Limits
 
 
 def has_angle_unit(raw: object) -> bool:
-    """Whether a scale is stated in a unit of angle or length, as "61.3 ± 0.2 deg" and "61.3 deg/V" are."""
+    """Return whether a scale is stated in a unit of angle or length, as "61.3 ± 0.2 deg" and "61.3 deg/V" are."""
     text = raw if isinstance(raw, str) else raw.get("unit") if isinstance(raw, dict) else None
     return isinstance(text, str) and re.search(r"[^\W\d_]|°", text.replace("ppm", "")) is not None
 
@@ -247,10 +247,10 @@ class TermTable(Table):
 
 
 def stated(table: BaseModel, key: str) -> bool:
-    """Whether the file itself gave `key` of this table."""
+    """Return whether the file itself gave `key` of this table."""
     return key in table.model_fields_set
 
 
 def given(*values: Any) -> bool:
-    """Whether any of these optional values is there."""
+    """Return whether any of these optional values is there."""
     return any(value is not None for value in values)

@@ -12,7 +12,7 @@ NAME = "rig.toml"
 
 
 def has_rig(path: str | Path) -> bool:
-    """Whether a file is a journal with a rig file inside; False also where it can't be read."""
+    """Return whether a file is a journal with a rig file inside; False also where it can't be read."""
     if Path(path).suffix.lower() != ENDING:
         return False
     try:

@@ -70,7 +70,7 @@ class Rig(Table):
 
     @property
     def source(self) -> str:
-        """Where the rig came from: a path, or "built-in paper"."""
+        """The place that the rig came from: a path, or "built-in paper"."""
         return self._source
 
     @property

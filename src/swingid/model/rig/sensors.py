@@ -62,7 +62,7 @@ class Sensor:
 
     @property
     def bent(self) -> bool:
-        """Whether the nonlinearity is known to be there, or may be."""
+        """Return whether the nonlinearity is known to be there, or may be."""
         return self.nonlinearity > 0 or any(part.value != 0 for part in self.parts.values())
 
 
@@ -109,7 +109,7 @@ class Encoder(Table):
 
     @property
     def says_nonlinearity(self) -> bool:
-        """Whether anything of its nonlinearity is stated."""
+        """Return whether anything of its nonlinearity is stated."""
         return given(self.nonlinearity, self.nonlinearity_cosine, self.nonlinearity_sine)
 
     def resolved(self) -> Sensor:
@@ -175,7 +175,9 @@ class Sensors(Encoder):
         return self._of_angle if channel == "angle" else self._of_wheel
 
     def rounded(self, channel: Literal["angle", "wheel"]) -> bool:
-        """Whether the steps of the `channel` are stated as a resolution, which is often rounded, not as counts."""
+        """Return whether the steps of the `channel` are stated as a resolution, which is often rounded, not as
+        counts.
+        """
         own = None if channel == "angle" else self.wheel
         stated = own if own is not None and own.model_fields_set & {"counts_per_turn", "resolution"} else self
         return stated.counts_per_turn is None
@@ -200,7 +202,7 @@ class Sensors(Encoder):
         return Encoder.model_construct(**shared | own)
 
     def of_camera(self, *, has_wheel: bool) -> Sensors:
-        """With the kind of the axis' sensor that marks in a video have, where nothing is stated of it."""
+        """Return the sensor as a camera's, of the kind for marks in a video, where nothing is stated of it."""
         if self.sensor is not None or self.says_nonlinearity:
             return self
         own: dict[str, Any] = {key: getattr(self, key) for key in self.model_fields_set} | {"sensor": "camera"}
@@ -210,7 +212,7 @@ class Sensors(Encoder):
         return Sensors.model_construct(**own)
 
     def with_pivot(self, cosine: float, sine: float) -> Sensors:
-        """With the standard deviations (rad) of both parts once per turn, where none are stated.
+        """Return the sensor with standard deviations (rad) of both parts once per turn, where none are stated.
 
         They come from a pivot that was fitted to the marks of a video. A plane that is seen from aside makes an ellipse
         of the circle, whose centre is as far off along the lever as the part of twice per turn.
@@ -228,5 +230,5 @@ class Sensors(Encoder):
 
     @property
     def says_latency(self) -> bool:
-        """Whether the file states when a channel is read."""
+        """Return whether the file states when a channel is read."""
         return stated(self, "latency") or (self.wheel is not None and stated(self.wheel, "latency"))

@@ -331,5 +331,5 @@ class LogConventions(Table):
 
     @property
     def has_rate_alone(self) -> bool:
-        """Whether the rate of the axis was logged, and not its angle."""
+        """Return whether the rate of the axis was logged, and not its angle."""
         return self.angle_speed is not None and not stated(self, "angle") and self.point is None

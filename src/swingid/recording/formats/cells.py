@@ -24,17 +24,19 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*([eE][+-]?\d+)?\s*")
 
 
 def is_grouped(cell: str, decimal: str) -> bool:
-    """Whether a cell is a number with a mark between thousands."""
+    """Return whether a cell is a number with a mark between thousands."""
     return _GROUPED[decimal].fullmatch(cell) is not None
 
 
 def has_decimal_comma(cell: str) -> bool:
-    """Whether a cell is a number with a decimal comma."""
+    """Return whether a cell is a number with a decimal comma."""
     return _DECIMAL_COMMA.fullmatch(cell) is not None and any(letter.isdigit() for letter in cell)
 
 
 def are_whole_thousands(cells: Sequence[str], decimal: str) -> bool:
-    """Whether a column holds whole numbers, with a mark above 999: -181, 1.046. Decimals would be of any length."""
+    """Return whether a column holds whole numbers, with a mark above 999: -181, 1.046. Decimals would be of any
+    length.
+    """
     mark = "," if decimal == "." else "."
     marked = [cell for cell in cells if mark in cell]
     short = [cell for cell in cells if re.fullmatch(r"\s*[+-]?[1-9]\d{1,2}\s*", cell)]
@@ -73,7 +75,7 @@ LOST = 0.01
 
 
 def is_stamp(cell: str) -> bool:
-    """Whether a cell is a time of day, or a date with one."""
+    """Return whether a cell is a time of day, or a date with one."""
     return _parts(cell) is not None
 
 
@@ -109,7 +111,7 @@ def over_midnight(seconds: Array) -> Array:
 
 
 def _day_first(cell: str) -> bool:
-    """Whether the first part of a date can be no month: a day, as it is wherever dots part them."""
+    """Return whether the first part of a date can be no month: a day, as it is wherever dots part them."""
     part = re.match(r"\s*(\d{1,2})([-./])\d", cell)
     return part is not None and (int(part[1]) > 12 or part[2] == ".")
 

@@ -218,7 +218,7 @@ def as_text(content: bytes, name: str) -> bytes:
 
 
 def _names_columns(line: bytes, rest: bytes) -> bool:
-    """Whether a comment is the header of the rows below it, as numpy.savetxt and MATLAB users write it."""
+    """Return whether a comment is the header of the rows below it, as numpy.savetxt and MATLAB users write it."""
     below = find_layout(rest)
     if below is None or below.names or below.header_width != below.width:
         return False

@@ -171,7 +171,9 @@ def _decimal(cells: Sequence[Sequence[str]]) -> str:
 
 
 def _is_row(cells: Sequence[Sequence[str]], at: int, decimal: str) -> bool:
-    """Whether a line is a row and no header: numbers only, or numbers where the next line has some, and text beside."""
+    """Return whether a line is a row and no header: numbers only, or numbers where the next line has some, and text
+    beside.
+    """
     if _numeric(cells[at], decimal):
         return True
     if at + 1 == len(cells) or len(cells[at]) != len(cells[at + 1]):
@@ -228,17 +230,17 @@ def _delimiter(lines: Sequence[bytes]) -> bytes:
 
 
 def _numeric(cells: Sequence[str], decimal: str) -> bool:
-    """Whether a line holds numbers, times and blanks only, one of them at least."""
+    """Return whether a line holds numbers, times and blanks only, one of them at least."""
     return any(map(str.strip, cells)) and all(not cell.strip() or is_value(cell, decimal) for cell in cells)
 
 
 def is_value(cell: str, decimal: str) -> bool:
-    """Whether the text of a cell is a number, also with a mark between thousands, or a time."""
+    """Return whether the text of a cell is a number, also with a mark between thousands, or a time."""
     return is_number(cell, decimal) or is_grouped(cell, decimal) or is_stamp(cell)
 
 
 def is_number(cell: str, decimal: str) -> bool:
-    """Whether the text of a cell is a number."""
+    """Return whether the text of a cell is a number."""
     try:
         float(cell.strip().strip('"').replace(decimal, "."))
     except ValueError:

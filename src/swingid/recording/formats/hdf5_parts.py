@@ -110,7 +110,7 @@ class _Numbers:
 
 
 def layout(path: str) -> tuple[Columns, str]:
-    """Of each column its length and the rows of a chunk, and the metadata; for the process of `isolated`."""
+    """Return each column's length and the rows of a chunk, and the metadata; for the process of `isolated`."""
     with _opened(path) as file:
         found: Columns = {}
         spare = most_unpacked(Path(path).stat().st_size)

@@ -64,7 +64,7 @@ def read_apart(package: str, reader: str, content: bytes) -> tuple[Columns, str]
 
 
 def read_part_apart(package: str, reader: str, path: Path, size: int, **options: object) -> tuple[Columns, str]:
-    """As `read_apart`, of a file with options of the function, that takes and gives some `size` bytes."""
+    """Read as `read_apart` a file with options of the function, that takes and gives some `size` bytes."""
     with tempfile.TemporaryDirectory() as folder, _lock:
         target = Path(folder) / "columns.npy"
         answer = _ask({"package": package}, STARTING)
@@ -127,7 +127,7 @@ def _stop() -> None:
 
 
 def is_installed(module: str) -> bool:
-    """Whether a package can be imported, without importing it."""
+    """Return whether a package can be imported, without importing it."""
     return importlib.util.find_spec(module) is not None
 
 

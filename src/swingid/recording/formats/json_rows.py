@@ -117,7 +117,7 @@ LARGEST_SUPPLY = 1e6
 
 
 def is_bam(header: Mapping[str, Any]) -> bool:
-    """Whether a JSON object is a log of bam."""
+    """Return whether a JSON object is a log of bam."""
     return {"motor", "trajectory", "entries"} <= header.keys()
 
 

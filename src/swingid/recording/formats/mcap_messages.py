@@ -29,7 +29,7 @@ HEAD = 22
 
 
 def indexed(stream: BinaryIO, places: Mapping[int, int]) -> Ints:
-    """Where the messages of a chunk begin, rising, by its index; none where that is damaged.
+    """Return where the messages of a chunk begin, rising, by its index; none where that is damaged.
 
     places: in the file, of the index of each channel.
     """

@@ -250,7 +250,7 @@ _JSON = _Encoding("json")
 
 
 def _follow(indexes: list[Any]) -> bool:
-    """Whether chunks follow each other in time, and none claims to hold more than it can."""
+    """Return whether chunks follow each other in time, and none claims to hold more than it can."""
     ordered = sorted(indexes, key=lambda one: int(one.message_start_time))
     apart = all(one.message_end_time <= other.message_start_time for one, other in pairwise(ordered))
     possible = all(one.uncompressed_size <= most_unpacked(one.compressed_size) for one in ordered)

@@ -62,7 +62,7 @@ def _rows(table: Table) -> int:
 
 
 def _is_gyroscope(title: str, table: Table) -> int:
-    """Whether a sheet holds rates: 3 by its title, 2 by that of an uncalibrated one, 1 by units; 0 otherwise."""
+    """Return whether a sheet holds rates: 3 by its title, 2 by that of an uncalibrated one, 1 by units; 0 otherwise."""
     words = re.sub(r"[^a-z]", "", title.lower())
     if words in ("gyroscope", "gyro", "gyroskop", "giroscopio"):
         return 3

@@ -69,7 +69,7 @@ class Table:
         return self.units.get(column, "") or split_unit(column)[1] or ("s" if self._has_stamps(column) else "")
 
     def _has_stamps(self, column: str) -> bool:
-        """Whether the cells are times of day or dates, which `numbers` gives in s."""
+        """Return whether the cells are times of day or dates, which `numbers` gives in s."""
         cells = self.columns[column]
         if cells.dtype != object:
             return False

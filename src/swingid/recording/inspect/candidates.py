@@ -76,7 +76,7 @@ NO_MOTION = re.compile(
 
 
 def is_gyroscope(name: str) -> bool:
-    """Whether a column is called as gyroscopes are: phyphox, IMUs, `sensor_msgs/Imu`."""
+    """Return whether a column is called as gyroscopes are: phyphox, IMUs, `sensor_msgs/Imu`."""
     return GYROSCOPE.search(re.sub(r"[\[(].*?[\])]", "", name).strip()) is not None
 
 
@@ -84,12 +84,14 @@ TICKS = frozenset(("tick", "ticks", "cycle", "cycles", "cnt", "count", "counts")
 
 
 def counts_ticks(name: str) -> bool:
-    """Whether a column of the time is called ticks or cycles of a timer, which may have any length, without a unit."""
+    """Return whether a column of the time is called ticks or cycles of a timer, which may have any length, without a
+    unit.
+    """
     return unit_of(name, "") not in TIMES and not TICKS.isdisjoint(words_of(name))
 
 
 def is_no_motion(candidate: Candidate) -> bool:
-    """Whether a column is of an accelerometer or a magnetometer, by its name or unit."""
+    """Return whether a column is of an accelerometer or a magnetometer, by its name or unit."""
     unit = candidate.unit.replace("²", "^2").replace("µ", "u").lower()
     bare = re.sub(r"[\[(].*?[\])]", "", candidate.name).strip()
     return unit in ("m/s^2", "m/s2", "g", "ut") or (NO_MOTION.search(bare) is not None and not is_gyroscope(bare))
@@ -197,7 +199,7 @@ def roughness(values: Array) -> float:
 
 
 def has_size(speed: Array, slope: Array) -> bool:
-    """Whether a speed is its angle's slope in one of the usual units."""
+    """Return whether a speed is its angle's slope in one of the usual units."""
     gain = float(np.sqrt((speed @ speed) / max(float(slope @ slope), 1e-300)))
     return min(abs(gain / usual - 1) for usual in GAINS) < 0.05
 
@@ -251,7 +253,7 @@ class Candidate:
 
 
 def among(one: Candidate, many: Iterable[Candidate]) -> bool:
-    """Whether `one` is among `many`."""
+    """Return whether `one` is among `many`."""
     return any(one is other for other in many)
 
 
@@ -266,6 +268,6 @@ def fits(candidate: Candidate, role: str) -> float:
 
 
 def alike(one: Candidate, other: Candidate) -> bool:
-    """Whether two columns are one motion, measured or reference: correlated and of similar range."""
+    """Return whether two columns are one motion, measured or reference: correlated and of similar range."""
     ratio = one.column.span / max(other.column.span, 1e-300)
     return 0.3 < ratio < 3.0 and correlation(thin(one.values), thin(other.values)) > ALIKE

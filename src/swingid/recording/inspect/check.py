@@ -120,7 +120,7 @@ def read_clock(stamps: Array, columns: list[Column]) -> Clock:
 
 
 def _counts_edges(column: Column) -> bool:
-    """Whether whole numbers go up and down by one from row to row, and stay only where the direction changes."""
+    """Return whether whole numbers go up and down by one from row to row, and stay only where the direction changes."""
     if column.kind != "whole numbers":
         return False
     steps = np.diff(column.values)

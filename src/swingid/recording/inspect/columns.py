@@ -57,12 +57,12 @@ class Column:
 
     @property
     def constant(self) -> bool:
-        """Whether all numbers are one number."""
+        """Return whether all numbers are one number."""
         return self.kind in ("numbers", "whole numbers") and self.low == self.high
 
     @property
     def span(self) -> float:
-        """From the lowest to the highest value; 0 for a column without numbers."""
+        """The lowest to the highest value, as text; 0 for a column without numbers."""
         return self.high - self.low if np.isfinite(self.high - self.low) else 0.0
 
     def to_dict(self) -> dict[str, object]:
@@ -140,7 +140,7 @@ def _share_of_runs(there: Bools) -> float:
 
 
 def steps_seen(column: Column) -> bool:
-    """Whether the values lie on the grid of an encoder, and not on that of the digits that were written."""
+    """Return whether the values lie on the grid of an encoder, and not on that of the digits that were written."""
     return column.step > 0 and (column.kind == "whole numbers" or not is_decimal(column.step))
 
 

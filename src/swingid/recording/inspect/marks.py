@@ -57,7 +57,7 @@ def guess_point(candidates: Sequence[Candidate], found: dict[str, Role]) -> list
 
 
 def seen_from_a_camera(one: Candidate, candidates: Sequence[Candidate]) -> bool:
-    """Whether a column is a place in a picture: by its unit, or as x, or one of x and y, over many pixels.
+    """Return whether a column is a place in a picture: by its unit, or as x, or one of x and y, over many pixels.
 
     y alone may be the output of a system, in degrees.
     """
@@ -98,14 +98,16 @@ def _is_place(one: Candidate) -> bool:
 
 
 def _is_pivot(mark: Mark, circle: Circle) -> bool:
-    """Whether a mark rests about where the body turns."""
+    """Return whether a mark rests about where the body turns."""
     x, y = (one.column for one in mark)
     away = np.hypot((x.low + x.high) / 2 - circle.centre[0], (y.low + y.high) / 2 - circle.centre[1])
     return bool(max(x.span, y.span) < STILL * circle.radius and away < NEAR * circle.radius)
 
 
 def _is_arc(circle: Circle, mark: Mark) -> bool:
-    """Whether a mark goes along a circle; one without names much more exactly, for other pairs may go so by chance."""
+    """Return whether a mark goes along a circle; one without names much more exactly, for other pairs may go so by
+    chance.
+    """
     if not UNNAMED.fullmatch(mark[0].name):
         return circle.is_arc
     exact = COMPUTED < circle.scatter / circle.radius < EXACT and circle.line > CLEAR * circle.scatter

@@ -74,7 +74,7 @@ def guess_time(candidates: list[Candidate], found: dict[str, Role]) -> Candidate
 
 
 def counts_rows(candidate: Candidate) -> bool:
-    """Whether a column numbers the rows: it rises by 1 from row to row."""
+    """Return whether a column numbers the rows: it rises by 1 from row to row."""
     if candidate.column.kind != "whole numbers":
         return False
     steps = np.diff(candidate.values)
@@ -207,7 +207,7 @@ def guess_wheel(
 
 
 def _same_but_number(one: Candidate, other: Candidate) -> bool:
-    """Whether two names differ in their numbers only."""
+    """Return whether two names differ in their numbers only."""
     return re.sub(r"\d+", "", one.name) == re.sub(r"\d+", "", other.name)
 
 
@@ -282,7 +282,7 @@ def guess_rate(speeds: list[Candidate], found: dict[str, Role]) -> None:
 
 
 def counted_from_top(angle: Candidate, unit: str) -> bool | None:
-    """Whether the body hangs, or swings, half a turn from 0; None for counts, whose zero is anywhere."""
+    """Return whether the body hangs, or swings, half a turn from 0; None for counts, whose zero is anywhere."""
     turn = TURN.get(unit)
     if turn is None:
         return None
@@ -316,7 +316,7 @@ class Roles:
 
     @property
     def has_motion(self) -> bool:
-        """Whether a column is the angle of the axis, its rate, or the place of a mark on the body."""
+        """Return whether a column is the angle of the axis, its rate, or the place of a mark on the body."""
         return bool({"angle", "angle_speed", "point_x"} & self.found.keys())
 
     @property
@@ -385,5 +385,5 @@ def _without(others: dict[str, str], found: dict[str, Role]) -> dict[str, str]:
 
 
 def _holds_lists(column: Column) -> bool:
-    """Whether the cells are texts such as "[0.1, 0.2]"."""
+    """Return whether the cells are texts such as "[0.1, 0.2]"."""
     return column.kind == "text" and any(cell.strip().startswith(("[", "(")) for cell in column.first)

@@ -39,7 +39,9 @@ UNUSED = ("reference", "adaptive_gain")
 
 
 def is_large(path: str | Path) -> bool:
-    """Whether a file is a log of more than `LARGE` rows that can be read in parts (Parquet, text, MCAP, HDF5)."""
+    """Return whether a file is a log of more than `LARGE` rows that can be read in parts (Parquet, text, MCAP,
+    HDF5).
+    """
     found = _file(path)
     return found is not None and found.rows > LARGE
 

@@ -133,7 +133,9 @@ def _naming_rows(name: str, before: int, after: int) -> Iterator[None]:
 
 
 def _is_plain(channels: Channels, last: Channels, conventions: Conventions) -> bool:
-    """Whether the rows need no repair: a time that rises, possible numbers only, no angle that leaps half a turn."""
+    """Return whether the rows need no repair: a time that rises, possible numbers only, no angle that leaps half a
+    turn.
+    """
     time, most = channels["time"], LARGEST["time"]
     begin = last["time"][0] if last else -np.inf
     if not (max(begin, -most) < time[0] and time[-1] <= most and (time[1:] > time[:-1]).all()):

@@ -75,7 +75,7 @@ def draw_forest(comparison: Comparison) -> Figure | None:
 
 
 def _origin(trials: tuple[Trial, ...]) -> float:
-    """Where a log's axis is 0: the truth, else the first answer."""
+    """Return the value at which a log's axis is 0: the truth, else the first answer."""
     for trial in trials:
         if trial.truth is not None:
             return trial.truth

@@ -42,7 +42,7 @@ def write(lane: Array, log: Array, kept: Array, k: int, channels: tuple[int, int
 
 @njit_lane
 def refer(lane: Array, inputs: Array, which: Ints, k: int) -> tuple[bool, float]:
-    """Whether all runs have one reference or command, and its value at row k; else each run's into REFERENCE."""
+    """Return whether all runs have one reference or command, and its value at row k; else each run's into REFERENCE."""
     widest()
     one = inputs.shape[1] == 1
     if not one:

@@ -50,7 +50,7 @@ def wheel_speed(lane: Array, i: int, rate: float) -> float:
 
 @njit_lane
 def first_seen(lane: Array) -> None:
-    """At the first sample the filters of the wheel's speed begin with its reading."""
+    """Begin the filters of the wheel's speed with its reading at the first sample."""
     widest()
     for i in range(LANES):
         wheel, memory = lane[at.WHEEL_READING * LANES + i], lane[at.WHEEL_MEMORY * LANES + i]

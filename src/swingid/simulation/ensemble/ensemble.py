@@ -108,7 +108,7 @@ def simulate_ensemble(
 def ensemble_chunks(
     *arguments: Any, record: Record = "all", threads: int | None = None, chunk: int | None = 8 * LANES, **options: Any
 ) -> Iterator[Ensemble]:
-    """As `simulate_ensemble`, in pieces of at most `chunk` runs in their order, so that memory does not grow with n."""
+    """Simulate as `simulate_ensemble` in pieces of at most `chunk` runs, so that memory does not grow with n."""
     runs = runs_of(*arguments, **options)
     size = chunk or len(runs)
     for first in range(0, len(runs), size):

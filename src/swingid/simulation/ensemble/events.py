@@ -69,7 +69,7 @@ def unsupported(lane: Array, i: int) -> float:
 
 @njit_lane
 def sleeps(lane: Array, i: int) -> bool:
-    """Whether all of run i rests, and nothing would move it within the step."""
+    """Return whether all of run i rests, and nothing would move it within the step."""
     u, y, hold = lane[at.U * LANES + i], lane[at.Y * LANES + i], unsupported(lane, i)
     _, _, drive, _, _, _ = motor(lane, i, y)
     moves = (hold > lane[at.STATIC_P * LANES + i]) | (hold < -lane[at.STATIC_N * LANES + i])
@@ -79,7 +79,7 @@ def sleeps(lane: Array, i: int) -> bool:
 
 @njit_lane
 def all_sleep(lane: Array) -> bool:
-    """Whether all runs rest throughout the step."""
+    """Return whether all runs rest throughout the step."""
     widest()
     count = 0
     for i in range(LANES):
@@ -130,7 +130,7 @@ def pulls(lane: Array, i: int, mobile: tuple[float, float, float]) -> series.Pai
 
 @njit_lane
 def beyond(lane: Array, i: int, hold1: float, hold2: float, rest1: bool, rest2: bool) -> bool:
-    """Whether what rests of run i would be released by these torques (N m)."""
+    """Return whether what rests of run i would be released by these torques (N m)."""
     positive, negative = lane[at.STATIC_P * LANES + i], lane[at.STATIC_N * LANES + i]
     axis = rest1 & ((hold1 > positive) | (hold1 < -negative))
     return bool(axis | (rest2 & (abs(hold2) > lane[at.WHEEL_STATIC * LANES + i])))
@@ -239,7 +239,9 @@ def expand(lane: Array, i: int, rich: int | None) -> None:
 
 @njit_lane
 def passes(lane: Array, i: int, u_end: float, y_end: float) -> tuple[bool, bool, bool, float]:
-    """Whether run i's axis or wheel stops, or its torque passes an edge, before a part ends; which edge (N m)."""
+    """Return whether run i's axis or wheel stops, or its torque passes an edge, before a part ends; which edge (N
+    m).
+    """
     y, edge_p, edge_n = lane[at.Y * LANES + i], lane[at.EDGE_P * LANES + i], lane[at.EDGE_N * LANES + i]
     volts, emf, _, _, above, below = motor(lane, i, y)
     torque = volts - emf * y_end
@@ -322,7 +324,7 @@ def near(lane: Array, i: int) -> int:
 
 @njit_lane
 def locate(lane: Array) -> None:
-    """Where something changes in a part, into PART; left to the single run where Newton's method fails."""
+    """Find where something changes in a part, into PART; left to the single run where Newton's method fails."""
     for i in range(LANES):
         choose(lane, i)
     for _ in range(NEWTON):

@@ -149,7 +149,9 @@ def set_out(lane: Array, i: int, rich: int | None) -> None:
 
 @njit_lane
 def reach(lane: Array, i: int, rich: int | None, late: int | None) -> None:
-    """Where run i's series leads in a step, and whether it is too long: the next term is the last squared, divided."""
+    """Return where run i's series leads in a step, and whether it is too long: the next term is the last squared,
+    divided.
+    """
     u, y = lane[at.U * LANES + i], lane[at.Y * LANES + i]
     cu, cy = climb(lane, i, at.PULL, at.M11, rich)
     x1, error = series.turned_at_end(u, cu), 600.0 * (ERROR if rich is None else PEAKED_ERROR)

@@ -82,7 +82,7 @@ class Sensors:
 
     @classmethod
     def of(cls, rig: Rig) -> Sensors:
-        """Those of a rig."""
+        """Pack the values of a rig."""
         sensors = [rig.sensors.of(name) for name in CHANNELS]
         return cls(
             steps=tuple(s.resolution for s in sensors),

@@ -62,7 +62,7 @@ class Plan:
 
     @property
     def batched(self) -> bool:
-        """Whether the runs of a point are simulated and identified together."""
+        """Return whether the runs of a point are simulated and identified together."""
         return bool(self.tables.base.methods) and self.tables.base.methods[0] in BATCHED
 
     def block(self, number: int) -> range:

@@ -199,5 +199,5 @@ def made_by() -> dict[str, str]:
 
 
 def is_finished(folder: Path) -> bool:
-    """Whether a folder holds the results of a whole campaign."""
+    """Return whether a folder holds the results of a whole campaign."""
     return os.path.isfile(folder / RESULTS)

@@ -207,7 +207,7 @@ class Summary(Study):
         }
 
     def refusals_and_warnings(self) -> Iterator[tuple[str, str]]:
-        """Of each method over all runs: what it did, and with which codes how often."""
+        """Count for each method over all runs what it did, and with which codes how often."""
         for cell in self.overall:
             s = cell.statistics
             for what, codes in (("refused", s.refusals), ("warned", s.warnings)):
@@ -300,7 +300,7 @@ def _cell_of(
 
 
 def _effects(cells: Sequence[Cell], pairs: Sequence[tuple[str, str]]) -> Iterator[Effect]:
-    """For each factor and method the levels with the lowest and highest bias and the largest RMSE."""
+    """Return for each factor and method the levels with the lowest and highest bias and the largest RMSE."""
     for method, quantity in pairs:
         own = [c for c in cells if (c.method, c.quantity) == (method, quantity) and c.statistics.answered]
         for factor in dict.fromkeys(c.factor for c in own):

@@ -88,7 +88,7 @@ class Factor(Table):
 
     @property
     def listed(self) -> bool:
-        """Whether it has a few values rather than a range."""
+        """Return whether it has a few values rather than a range."""
         return self.range is None or self.steps is not None
 
 
@@ -217,6 +217,6 @@ RESERVED = (
 
 
 def is_key(key: str) -> bool:
-    """Whether a dotted key is one that can be set or varied."""
+    """Return whether a dotted key is one that can be set or varied."""
     prefix, dot, rest = key.partition(".")
     return key in PLAIN_KEYS or (prefix in PREFIXES and bool(dot) and bool(rest))

@@ -51,7 +51,7 @@ class Trust:
         return (str(self.answers), str(self.ok), self.share(), *parts)
 
     def share(self) -> str:
-        """Of the answers that are ok those that are wrong."""
+        """The share of the "ok" answers that are wrong."""
         return f"{self.wrong} = {100 * self.wrong / self.ok:.0f} %" if self.wrong else "–"
 
 
@@ -66,7 +66,7 @@ def trust_of(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[dict[str, 
 
 
 def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[list[tuple[str, ...]]]:
-    """For each factor with faults two tables: by fault, worst first, and by the levels of the other factors."""
+    """Make two tables for each factor with faults: by fault, worst first, and by the levels of the other factors."""
     tables = []
     methods = _levels(columns, "method")
     for factor in fault_factors(plan):

@@ -97,7 +97,7 @@ class Trial:
 
     @property
     def covered(self) -> bool | None:
-        """Whether the 95 % interval contains the true value; None where either is unknown."""
+        """Return whether the 95 % interval contains the true value; None where either is unknown."""
         if self.error is None or self.truth is None or self.result.inertia.interval95 is None:
             return None
         low, high = self.result.inertia.interval95
@@ -248,7 +248,7 @@ def _truth(log: Recording) -> float | None:
 
 @dataclass(frozen=True)
 class Verdict:
-    """For one log: the method that the others are held against, who disagrees with it, and a sentence on the reason."""
+    """The verdict on one log: the method that the others are held against, who disagrees with it, and the reason."""
 
     log: str
     reference: str | None
@@ -296,7 +296,7 @@ def deviation(a: Result, b: Result) -> float | None:
 
 
 def _matters(a: Result, b: Result) -> bool:
-    """Whether the difference is a good part of what either is uncertain by anyway."""
+    """Return whether the difference is a good part of what either is uncertain by anyway."""
     own = min(a.main.standard_uncertainty or 0.0, b.main.standard_uncertainty or 0.0)
     return abs(a.main.value - b.main.value) > MATTERS * own
 

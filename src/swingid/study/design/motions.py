@@ -151,7 +151,7 @@ class Limits:
     voltage: float | None
 
     def kept(self, peaks: dict[str, float]) -> bool:
-        """Whether a motion with these peaks stays inside, with what the controller wants to spare."""
+        """Return whether a motion with these peaks stays inside, with what the controller wants to spare."""
         speed = peaks.get("wheel_speed", peaks["speed"])
         if self.speed is not None and speed > self.speed:
             return False

@@ -170,7 +170,7 @@ class Trial:
 
     @property
     def passed(self) -> bool:
-        """Whether the twin agrees with the plan."""
+        """Return whether the twin agrees with the plan."""
         return not self.why
 
 

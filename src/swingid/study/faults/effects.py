@@ -52,7 +52,7 @@ class Scene:
 
     @property
     def acceleration(self) -> Array:
-        """Of the axis, rad/s²."""
+        """Return the acceleration of the axis, rad/s²."""
         return np.asarray(np.gradient(self.speed, self.time))
 
     @property
@@ -163,7 +163,7 @@ def zero_drift(log: Recording, scene: Scene, angle: float) -> Recording:
 
 
 def lost_counts(log: Recording, scene: Scene, angle: float) -> Recording:
-    """From a random instant on the encoder is off by an angle."""
+    """Put the encoder off by an angle from a random instant on."""
     return replace(log, angle=log.angle + np.where(log.time > scene.moment(), angle, 0.0))
 
 

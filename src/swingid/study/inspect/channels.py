@@ -66,7 +66,7 @@ class Channel:
 
     @property
     def rotary(self) -> bool:
-        """Whether it is an angle."""
+        """Return whether it is an angle."""
         return self.unit == "rad"
 
     @property

@@ -73,7 +73,7 @@ class Extra:
 
     @property
     def identifiable(self) -> bool:
-        """Whether the posterior standard deviation is well below the prior one."""
+        """Return whether the posterior standard deviation is well below the prior one."""
         return self.uncertainty < 0.3 * self.prior
 
 

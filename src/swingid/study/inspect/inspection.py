@@ -76,7 +76,7 @@ class Inspection(Study):
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Whether the log is usable, from all checks."""
+        """Return whether the log is usable, from all checks."""
         return verdict_of(self.checks, with_rig=self.rig is not None)
 
     def check(self, code: str) -> Check | None:
@@ -85,7 +85,7 @@ class Inspection(Study):
 
     @property
     def linear(self) -> bool:
-        """Whether the axis is a linear one, as the rig states it or the guess."""
+        """Return whether the axis is a linear one, as the rig states it or the guess."""
         return self.roles.linear if self.rig is None else self.rig.axis.kind == "linear"
 
     def to_dict(self) -> dict[str, Any]:
@@ -346,7 +346,7 @@ class Verdict:
 
 
 def verdict_of(checks: Sequence[Check], *, with_rig: bool) -> Verdict:
-    """From all checks to the verdict; without a rig the file alone was checked, and the line states it."""
+    """Make the verdict of all checks; without a rig the file alone was checked, and the line states it."""
     advice = _listed(check.remedy for check in checks if check.level == "advice")
     faults = [check for check in checks if check.level == "fault"]
     if faults:
@@ -404,7 +404,7 @@ def columns_table(found: Inspection) -> list[tuple[str, str, str, str, str, str]
 
 
 def range_of(column: Column) -> str:
-    """From the lowest to the highest value, and cells without a number."""
+    """Return the lowest to the highest value, and cells without a number."""
     if column.kind in ("text", "empty"):
         return ""
     low, high = f"{column.low:.5g}", f"{column.high:.5g}"

@@ -121,7 +121,7 @@ def _signs(balance: Balance, rig: Rig) -> Check:
 
 
 def _model(balance: Balance) -> Iterator[Check]:
-    """Whether the balance closes: what is left against what the terms are."""
+    """Return whether the balance closes: what is left against what the terms are."""
     left = balance.left
     text = f"inertia, gravity, drive and friction leave {percent(left)} of the inertia's term"
     if left <= CLOSES:
@@ -152,7 +152,7 @@ def _zero(joint: Extra, alone: Extra | None) -> Check:
 
 
 def _gravity(balance: Balance, rig: Rig) -> Iterator[Check]:
-    """Whether drive and gravity are of one scale, where the motion determines it; see `checks.stated`."""
+    """Return whether drive and gravity are of one scale, where the motion determines it; see `checks.stated`."""
     law = balance.law
     for found in gravity_off(law, balance.fits, balance.signals, rig) or ():
         if not matters(found.change, law.total, law.a11):

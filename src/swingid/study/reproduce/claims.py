@@ -80,7 +80,7 @@ class Claim:
 
 
 def verdict(whole: bool, part: bool = False) -> str:
-    """Whether the criterion is met, only the part of it that is named, or neither."""
+    """Return whether the criterion is met, only the part of it that is named, or neither."""
     return HOLDS if whole else PARTLY if part else FAILS
 
 

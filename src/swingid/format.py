@@ -35,7 +35,7 @@ class Rounded:
     exponent: int
 
     def text(self, unit: str = "", *, fine: bool = False) -> str:
-        """As one string with the unit."""
+        """Write as one string with the unit."""
         digits = self.value if self.uncertainty is None else f"{self.value} ± {self.uncertainty}"
         return _assemble(digits, self.exponent, unit, fine, bracket=self.uncertainty is not None)
 

@@ -72,7 +72,7 @@ def test_parts_of_a_degree_and_a_late_wheel_are_found_exactly():
     assert [values[key] for key in ANGLE] == pytest.approx([alphas[0], betas[0]], abs=3e-6)
     assert [values[key] for key in WHEEL] == pytest.approx([alphas[1], betas[1]], abs=3e-5)
     assert values[LATENCY] == pytest.approx(late, abs=2e-6)
-    assert set(found.told) == {*ANGLE, *WHEEL, LATENCY}
+    assert set(found.determined) == {*ANGLE, *WHEEL, LATENCY}
     assert set(found.result.correlation) == {*ANGLE, *WHEEL, LATENCY}
     for log in logs:
         assert identify(log, found.rig).inertia.value == pytest.approx(INERTIA, rel=1e-5)
@@ -102,7 +102,7 @@ def test_a_free_decay():
     log = free_log(lambda v: 1.144e-4 * v, np.arange(15_001) / 1000, 1.4)
     log = encoded(replace(log, angle=log.angle + 0.004 * np.cos(log.angle) - 0.003 * np.sin(log.angle)))
     found = calibrate_encoders(log, free_rig())
-    assert set(found.told) == set(ANGLE)
+    assert set(found.determined) == set(ANGLE)
     for name, true in zip(ANGLE, (0.004, -0.003), strict=True):
         parameter = found.result.parameters[name]
         assert abs(parameter.value - true) < 4 * parameter.standard_uncertainty < 1.5e-3
@@ -243,8 +243,8 @@ def test_a_log_that_tells_little_writes_little(tmp_path):
     rig = twin("viscous", nonlinearity="0.1 deg")
     log = logged(rig, tmp_path, parse_reference("sine 0.3 rad 8.5 rad/s"), duration=8.0, seed=2)
     found = calibrate_encoders(log, given(rig))
-    untold = set(found.result.parameters) - set(found.told)
-    assert ANGLE[0] in untold
+    undetermined = set(found.result.parameters) - set(found.determined)
+    assert ANGLE[0] in undetermined
     assert found.rig.sensors.nonlinearity_cosine is None
     assert any(note.code == "not-told" for note in found.result.notes)
 

@@ -74,6 +74,36 @@ def test_everything_public_has_a_docstring() -> None:
     assert [name for path in sources for name in undocumented(path)] == []
 
 
+NO_SENTENCE = re.compile(r"(?:Whether|As|Of|By|With|For|At|In|That|Those)\b|From \S+ .*\bto\b")
+"""How no docstring of a class or a function begins: a verb or a noun says what it does or is."""
+
+EMPTY = frozenset({"told", "way"})
+"""Names that say nothing of what a variable holds. "way" is a word of the page's questions (`app/kinds.py`)."""
+
+
+def test_docstrings_begin_with_a_verb_or_a_noun() -> None:
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {text.splitlines()[0]}"
+        for path in (ROOT / "src").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+        and (text := ast.get_docstring(node))
+        and NO_SENTENCE.match(text)
+    ]
+    assert found == []
+
+
+def test_local_names_are_names_of_things() -> None:
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {node.id}"
+        for path in (ROOT / "src").rglob("*.py")
+        if path.parent.name != "app"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in EMPTY
+    ]
+    assert found == []
+
+
 def test_every_package_folder_is_a_layer() -> None:
     """No folder escapes the contract of the layers."""
     config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))

@@ -207,8 +207,8 @@ class Signals:
     def stopped(self, width: float) -> Array:
         """Stop operator at the nodes: the way since a reversal (rad or m), up to ± `width`, where a cable slips."""
         held = [0.0]
-        for way in np.diff(self.edge_angles):
-            held.append(min(max(held[-1] + float(way), -width), width))
+        for direction in np.diff(self.edge_angles):
+            held.append(min(max(held[-1] + float(direction), -width), width))
         place = self.since
         whole = np.array(held)[place] + self.angle.ravel() - self.edge_angles[place]
         return np.clip(whole, -width, width).reshape(self.angle.shape)

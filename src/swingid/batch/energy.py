@@ -141,14 +141,16 @@ def energy_run(
         top = angle[turns[i]]
         size = min(abs(top - angle[turns[i - 1]]), abs(top - angle[turns[i + 1]]))
         complete = found < len(result)
-        for way in (-1, 1):
-            j, end = turns[i], turns[i + way]
+        for direction in (-1, 1):
+            j, end = turns[i], turns[i + direction]
             for level in range(deep):
                 while j != end and abs(top - angle[j]) < levels[level] * size:
-                    j += way
+                    j += direction
                 complete = complete and j != end
                 if complete:
-                    fill_node(result[found, deep + way * (level + 1)], angle, v1, v2, sums, j, weights[0][0], constants)
+                    fill_node(
+                        result[found, deep + direction * (level + 1)], angle, v1, v2, sums, j, weights[0][0], constants
+                    )
         if complete:
             fill_node(result[found, deep], angle, v1, v2, sums, turns[i], weights[0][0], constants)
             found += 1

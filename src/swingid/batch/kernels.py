@@ -208,11 +208,11 @@ def signs(angle: Array, v: Array, weights: Array, where: Ints, result: Array, la
     most = FARTHEST * (len(weights) - 1)
     for j in turns:
         change = v[j + 1] - v[j]
-        way = 1.0 if change > 0.0 else -1.0
+        direction = 1.0 if change > 0.0 else -1.0
         found = j - v[j] / change
         shift = fast / abs(change)
         at = found - shift if abs(shift) < most else found
         after = at + min(u / abs(change), most)
         for i in range(max(int(min(at, found)) - 1, 0), min(int(max(after, found)) + 3, rows)):
-            result[i] = way * min(max(2.0 * (i - at), -1.0), 1.0)
-            late[i] = way * min(max(2.0 * (i - after), -1.0), 1.0) - result[i]
+            result[i] = direction * min(max(2.0 * (i - at), -1.0), 1.0)
+            late[i] = direction * min(max(2.0 * (i - after), -1.0), 1.0) - result[i]

@@ -111,10 +111,10 @@ class NativeProcess:
 
     def exchange(self, time: int, readings: Readings) -> float:
         """One sample: readings at a device time (us) in, the voltage (V) out; DeviceError where it has ended."""
-        told = TOLD.pack(time, readings.axis, readings.wheel, readings.current, int(readings.valid), 0)
+        packed = TOLD.pack(time, readings.axis, readings.wheel, readings.current, int(readings.valid), 0)
         answer = b""
         try:
-            self._plant.sendall(told)
+            self._plant.sendall(packed)
             while len(answer) < ANSWER.size:
                 piece = self._plant.recv(ANSWER.size - len(answer))
                 if not piece:

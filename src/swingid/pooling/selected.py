@@ -77,7 +77,7 @@ def _no_part(part: object) -> UsageError:
 
 
 def _text(start: float, stop: float) -> str:
-    """As it is given to --part."""
+    """Write the part as it is given to --part."""
     return ":".join("" if math.isinf(one) else f"{one:g}" for one in (start, stop))
 
 

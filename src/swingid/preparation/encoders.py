@@ -80,7 +80,7 @@ class Encoders:
 
     @classmethod
     def of(cls, rig: Rig, log: Recording | None = None) -> Encoders:
-        """As the rig file declares them; latencies 0 where their correction is switched off for `log`.
+        """Take the errors as the rig file declares them; latencies 0 where their correction is switched off for `log`.
 
         Where it states no latency, the last channel that is read may be late against the other by `DELAY` samples of
         `log`. What is the integral of a rate, or the place on a straight axis, has no error that repeats with a turn.

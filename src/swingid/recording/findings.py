@@ -51,7 +51,7 @@ class Finding:
     of_pivot: tuple[float, float] | None = None
 
     def within(self, start: float, stop: float) -> Finding:
-        """As it counts where only the rows from start to stop (s) are used."""
+        """Return the finding as it counts where only the rows from start to stop (s) are used."""
         outside = self.spans and all(end < start or begin > stop for begin, end in self.spans)
         return replace(self, level="note") if outside else self
 

@@ -88,7 +88,7 @@ class BudgetEntry:
         return self.origin.shared_id
 
     def to_dict(self) -> dict[str, object]:
-        """As in the JSON of a result; infinitely many degrees of freedom are None."""
+        """Return the data as in the JSON of a result; infinitely many degrees of freedom are None."""
         origin = self.origin
         return {
             "source": origin.name,
@@ -156,7 +156,7 @@ class Parameter:
         return ufloat(self.value, self.standard_uncertainty)
 
     def to_dict(self) -> dict[str, object]:
-        """As in the JSON of a result; infinitely many degrees of freedom are None."""
+        """Return the data as in the JSON of a result; infinitely many degrees of freedom are None."""
         return {
             "value": self.value,
             "standard_uncertainty": self.standard_uncertainty,

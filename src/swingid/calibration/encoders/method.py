@@ -39,13 +39,13 @@ FOREIGN = 1.5
 class EncoderCalibration:
     """What `calibrate_encoders` found.
 
-    result: every part with its uncertainty, also those that are not identifiable; method "calibrate-encoders". told:
+    result: every part with its uncertainty, also those that are not identifiable; method "calibrate-encoders". determined:
     names of the identifiable parts. rig: the rig with these, ``rig.text`` its file with the comments of the old one.
     """
 
     result: Result
     rig: Rig
-    told: tuple[str, ...]
+    determined: tuple[str, ...]
 
 
 def calibrate_encoders(logs: Recording | Sequence[Recording], rig: Rig) -> EncoderCalibration:
@@ -95,8 +95,8 @@ def _calibrated(several: Sequence[Recording], rig: Rig, plain: Rig, parts: Seque
         stepped()
     found = estimate(read, plain, parts)
     known = found.uncertainties < IDENTIFIABLE * np.array([part.prior for part in parts])
-    told = tuple(part.key for part, one in zip(parts, known, strict=True) if one and not part.nuisance)
-    if not told:
+    determined = tuple(part.key for part, one in zip(parts, known, strict=True) if one and not part.nuisance)
+    if not determined:
         name = several[0].source.path or "the log" if len(several) == 1 else f"the {len(several)} logs"
         raise UnanswerableError(
             f"{name}: no parameter of the encoders is identifiable; record large swings of several frequencies.",
@@ -104,12 +104,12 @@ def _calibrated(several: Sequence[Recording], rig: Rig, plain: Rig, parts: Seque
         )
     evaluated = _evaluated(found, plain)
     warnings = list(_strangers(read, plain, found))
-    notes = [*_notes(wanted, told, found), *exact_in_row_one(rig)]
+    notes = [*_notes(wanted, determined, found), *exact_in_row_one(rig)]
     for log in several:
         add_findings(log, warnings, notes)
-    new, lost = _with_encoders(rig, evaluated.parameters, told)
+    new, lost = _with_encoders(rig, evaluated.parameters, determined)
     result = result_of("calibrate-encoders", several, rig, evaluated, warnings, [*notes, *lost])
-    return EncoderCalibration(result, new, told)
+    return EncoderCalibration(result, new, determined)
 
 
 def _evaluated(found: Estimate, rig: Rig) -> Evaluated:
@@ -145,8 +145,8 @@ def _strangers(logs: Sequence[CalibrationLog], rig: Rig, found: Estimate) -> Ite
             yield Message("logs-differ", text)
 
 
-def _notes(wanted: Sequence[Part], told: Sequence[str], found: Estimate) -> Iterator[Message]:
-    unknown = [part.key for part in wanted if part.key not in told]
+def _notes(wanted: Sequence[Part], determined: Sequence[str], found: Estimate) -> Iterator[Message]:
+    unknown = [part.key for part in wanted if part.key not in determined]
     if unknown:
         yield Message("not-told", f"not identifiable from these logs, and not written: {', '.join(unknown)}.")
     for part, value, u in zip(found.parts, found.values.tolist(), found.uncertainties.tolist(), strict=True):
@@ -161,16 +161,16 @@ def _notes(wanted: Sequence[Part], told: Sequence[str], found: Estimate) -> Iter
         yield Message("bounds", text)
 
 
-def _with_encoders(rig: Rig, found: dict[str, Parameter], told: Sequence[str]) -> tuple[Rig, list[Message]]:
-    """The rig with the parts `told` (keys of `found`) and their uncertainties; stated values of the others go.
+def _with_encoders(rig: Rig, found: dict[str, Parameter], determined: Sequence[str]) -> tuple[Rig, list[Message]]:
+    """The rig with the parts `determined` (keys of `found`) and their uncertainties; stated values of the others go.
 
     A latency is one between two channels: it is written at the wheel (at the angle of a direct drive) with the
     combined uncertainty, and the other channel then counts as exact.
     """
     keys = [f"{table}.{key}" for table in (ANGLE, WHEEL) for key in ONE_ENCODER]
-    values: dict[str, object] = {key: quantity(found[key]) if key in told else None for key in keys}
+    values: dict[str, object] = {key: quantity(found[key]) if key in determined else None for key in keys}
     key = latency_key(rig)
-    if key in told:
+    if key in determined:
         values[key] = quantity(found[key])
         if key.startswith(WHEEL) and rig.sensors.latency.std is not None:
             values[f"{ANGLE}.latency"] = rig.sensors.latency.value

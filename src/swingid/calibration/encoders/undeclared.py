@@ -78,7 +78,7 @@ def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
     uncorrected = any(is_off(log, LATENCY) for log in logs)
     found = calibrate_encoders(logs, at.with_latencies(rig, lambda q: Quantity(0.0, q.std)) if uncorrected else rig)
     better, key = found.rig, at.latency_key(rig)
-    if uncorrected and key in found.told:
+    if uncorrected and key in found.determined:
         late = found.result.parameters[key]
         better = better.changed({key: Quantity(0.0, float(np.hypot(late.value, late.standard_uncertainty or 0.0)))})
     parts = [part for key, part in found.result.parameters.items() if "nonlinearity" in key]

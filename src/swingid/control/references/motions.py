@@ -224,8 +224,8 @@ class Strokes:
 
     def __call__(self, t: Array) -> Array:
         """Positions at the times t (s)."""
-        start, way, s = self._phase(t)
-        return start + way * s**3 * (10.0 + s * (6.0 * s - 15.0))
+        start, travel, s = self._phase(t)
+        return start + travel * s**3 * (10.0 + s * (6.0 * s - 15.0))
 
     def turning_points(self, duration: float) -> Array:
         """Times (s) inside (0, duration) of the middles of the dwells."""
@@ -237,8 +237,8 @@ class Strokes:
         """15/8 of the way per stroke time, once the middle of the second, longer stroke is reached."""
         middles = 0.5 * self.stroke_time + (self.stroke_time + self.dwell) * np.arange(2)
         times = np.concatenate([middles[middles < duration], [max(duration, 0.0)]])
-        _, way, s = self._phase(times)
-        return float(np.max(np.abs(way) * 30.0 * (s * (1.0 - s)) ** 2) / self.stroke_time)
+        _, travel, s = self._phase(times)
+        return float(np.max(np.abs(travel) * 30.0 * (s * (1.0 - s)) ** 2) / self.stroke_time)
 
     def describe(self) -> str:
         """Words for `parse_reference`."""
@@ -252,8 +252,8 @@ class Strokes:
         s = np.minimum((t - number * cycle) / self.stroke_time, 1.0)
         sign = np.where(number % 2 == 0, 1.0, -1.0)
         start = np.where(number == 0, 0.0, -sign * self.amplitude)
-        way = sign * self.amplitude * np.where(number == 0, 1.0, 2.0)
-        return start, way, s
+        travel = sign * self.amplitude * np.where(number == 0, 1.0, 2.0)
+        return start, travel, s
 
 
 @dataclass(frozen=True)
@@ -302,8 +302,8 @@ class Triangle:
         number = np.floor(np.asarray(t, dtype=float) / half + 0.5)
         from_middle = np.asarray(t, dtype=float) - number * half
         into_corner = np.maximum(np.abs(from_middle) - 0.5 * (half - self._corner), 0.0)
-        way = self.speed * (np.abs(from_middle) - into_corner**2 / self._corner)
-        return np.where(number % 2 == 0, 1.0, -1.0) * np.sign(from_middle) * way
+        travel = self.speed * (np.abs(from_middle) - into_corner**2 / self._corner)
+        return np.where(number % 2 == 0, 1.0, -1.0) * np.sign(from_middle) * travel
 
     def turning_points(self, duration: float) -> Array:
         """Times (s) inside (0, duration) of the corners' middles."""

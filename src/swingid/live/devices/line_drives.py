@@ -191,11 +191,11 @@ class Hil(LineDrive):
 
     def __init__(self, port: Stream, address: str, rate: float, *, steady: Any = None) -> None:
         super().__init__(port, address, Board(rate), steady=steady)
-        told = self._numbers("C", 4, PATIENCE)
-        if told is None:
+        numbers = self._numbers("C", 4, PATIENCE)
+        if numbers is None:
             text = f"{address}: the program does not answer C with counts, counts, volts and ms of its watchdog"
             raise DeviceError(f"{text}; docs/porting.md has its lines", code="no-answer")
-        axis, wheel, limit, dog = told
+        axis, wheel, limit, dog = numbers
         if not (0.0 < dog <= 1000 * WATCHDOG and axis >= 1.0 and wheel >= 0.0 and limit > 0.0):
             text = f"{address}: {axis:g} and {wheel:g} counts, {limit:g} V, a watchdog of {dog:g} ms; needed are counts"
             raise DeviceError(f"{text} of the axis, volts, and a watchdog of 1 to 100 ms", code="no-watchdog")

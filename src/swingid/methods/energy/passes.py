@@ -52,22 +52,22 @@ def _crossings(time: Array, angles: Array, turning: Array, tops: Array, sides: A
         return result
     result[:, levels] = turning[1:-1]
     at = np.searchsorted(time, turning)
-    for way, start, last in ((1, at[1:-1], at[2:] + 1), (-1, at[1:-1] - 1, at[:-2] - 2)):
-        count = way * (np.clip(last, 0, len(time) - 1) - start) + 1
+    for direction, start, last in ((1, at[1:-1], at[2:] + 1), (-1, at[1:-1] - 1, at[:-2] - 2)):
+        count = direction * (np.clip(last, 0, len(time) - 1) - start) + 1
         behind = np.arange(max(int(count.max(initial=0)), 1))
-        rows = np.clip(start[:, None] + way * behind, 0, len(time) - 1)
+        rows = np.clip(start[:, None] + direction * behind, 0, len(time) - 1)
         drop = sides[1:-1, None] * (tops[1:-1, None] - angles[rows])
         reached = np.maximum.accumulate(drop, axis=1)
         k = np.array([np.searchsorted(own, depth) for own, depth in zip(reached, depths, strict=True)])
-        found = start[:, None] + way * k
-        before = found - way
+        found = start[:, None] + direction * k
+        before = found - direction
         sound = (k < count[:, None]) & (before >= 0) & (before < len(time))
         block, level = np.nonzero(sound)
         one, before = found[sound], before[sound]
         side, top = sides[block + 1], tops[block + 1]
         near, far = side * (top - angles[before]), side * (top - angles[one])
         share = np.where(far == near, 1.0, (depths[sound] - near) / np.where(far == near, 1.0, far - near))
-        result[block, levels + way * (level + 1)] = time[before] + share * (time[one] - time[before])
+        result[block, levels + direction * (level + 1)] = time[before] + share * (time[one] - time[before])
     outside = (result[:, 0] < turning[:-2]) | (result[:, -1] > turning[2:])
     result[outside, 0] = np.nan
     return result

@@ -36,7 +36,7 @@ class Check:
     own: str | None = None
 
     def to_dict(self) -> dict[str, object]:
-        """As plain data for JSON."""
+        """Return plain data for JSON."""
         found = {field.name: getattr(self, field.name) for field in fields(self)}
         own = found.pop("own")
         return found | {"values": dict(self.values), "own_repair": own}

@@ -66,7 +66,7 @@ class Column:
         return self.high - self.low if np.isfinite(self.high - self.low) else 0.0
 
     def to_dict(self) -> dict[str, object]:
-        """As plain data for JSON, without the values."""
+        """Return plain data for JSON, without the values."""
         kept = (field.name for field in fields(self) if field.name != "values")
         return {name: getattr(self, name) for name in kept} | {"first": list(self.first)}
 

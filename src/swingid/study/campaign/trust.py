@@ -46,7 +46,7 @@ class Trust:
         return cls(*(int(count.sum()) for count in counts))
 
     def cells(self) -> tuple[str, ...]:
-        """As cells of a table, below `HEADINGS`."""
+        """Return the cells of a table, below `HEADINGS`."""
         parts = [f"{100 * n / self.answers:.0f} %" if n else "–" for n in (self.warned, self.refused, self.crashed)]
         return (str(self.answers), str(self.ok), self.share(), *parts)
 

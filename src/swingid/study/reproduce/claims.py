@@ -94,8 +94,8 @@ def no_acceleration(seed: int) -> Claim:
     log = runs.experiment_log("plain", runs.with_friction(runs.rig_of("plain"), runs.HIDDEN), seed)
     recording = log.recording
     channels = 3 + (recording.torque is not None)
-    errors = {way: runs.error_by(way, log) for way in ("printed", "observers", "momentum")}
-    own = [abs(errors[way]) < BAR for way in ("printed", "observers")]
+    errors = {estimator: runs.error_by(estimator, log) for estimator in ("printed", "observers", "momentum")}
+    own = [abs(errors[estimator]) < BAR for estimator in ("printed", "observers")]
     return Claim(
         "it does not require measurement of acceleration, cumbersome calculations and linearization",
         "The experiment's log with hidden dry friction: time, two encoders, voltage. (6) is a closed formula in "
@@ -182,8 +182,8 @@ def any_symmetric_motion(seed: int) -> Claim:
     measured: Measured = []
     for name, reference in MOTIONS.items():
         log = _log(dict(runs.HIDDEN), reference, seed)
-        for way, words in WORDS.items():
-            measured.append((f"{name}: {words}", runs.error_by(way, log), "%"))
+        for estimator, words in WORDS.items():
+            measured.append((f"{name}: {words}", runs.error_by(estimator, log), "%"))
     printed = [value for words, value, _ in measured if "paper" in words]
     good = [value is not None and abs(value) < BAR for value in printed]
     return Claim(

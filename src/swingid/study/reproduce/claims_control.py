@@ -203,7 +203,8 @@ def more_accurate(seed: int) -> Claim:
         "backstepping": log.error(float(other.inertia[np.searchsorted(other.time, online)])),
     }
     measured += [
-        (f"J1, ideal simulations after {online:g} s: {words[way]}", error, "%") for way, error in ideal.items()
+        (f"J1, ideal simulations after {online:g} s: {words[estimator]}", error, "%")
+        for estimator, error in ideal.items()
     ]
     settings = [ideal]
     twins = {case: runs.with_friction(runs.rig_of(case), runs.HIDDEN) for case in ("plain", "body")}
@@ -212,12 +213,12 @@ def more_accurate(seed: int) -> Claim:
         stated = {"drive.motor.torque_per_volt": factor * 52.04e-4}
         given = {case: replace(log, rig=log.rig.changed(stated)) for case, log in logs.items()}
         errors: dict[str, float] = {}
-        for way in (*words, "momentum"):
-            values = [runs.inertia_by(way, given[case]) for case in ("plain", "body")]
-            errors[way] = 100 * ((values[1] - values[0]) / published.J_E - 1)
-            measured.append((f"J_e, {constants}: {words.get(way, way)}", errors[way], "%"))
-        settings.append({way: errors[way] for way in words})
-    best = [min(found, key=lambda way: abs(found[way])) == "printed" for found in settings]
+        for estimator in (*words, "momentum"):
+            values = [runs.inertia_by(estimator, given[case]) for case in ("plain", "body")]
+            errors[estimator] = 100 * ((values[1] - values[0]) / published.J_E - 1)
+            measured.append((f"J_e, {constants}: {words.get(estimator, estimator)}", errors[estimator], "%"))
+        settings.append({estimator: errors[estimator] for estimator in words})
+    best = [min(found, key=lambda estimator: abs(found[estimator])) == "printed" for found in settings]
     return Claim(
         "has high accuracy and can provide greater identification performance than the known method",
         "J1 in the ideal simulations of Fig. 7 and Fig. 8; J_e in the experiment with hidden dry friction, by the "

@@ -59,9 +59,9 @@ def experiment(friction: str, seed: int, progress: Callable[[str], None]) -> Exp
     logs = {case: runs.read_back(made[case], twins[case], span=runs.SPANS[case]) for case in CASES}
     whole = runs.read_back(made["plain"], twins["plain"])
     rows: list[Answer] = []
-    for way in runs.WAYS:
-        progress(f"experiment, {friction} friction: {runs.WAYS[way].words}")
-        rows.append(_row(way, logs, whole))
+    for estimator in runs.WAYS:
+        progress(f"experiment, {friction} friction: {runs.WAYS[estimator].words}")
+        rows.append(_row(estimator, logs, whole))
     answers: dict[str, object] = {
         "friction": friction,
         "rows": rows,
@@ -71,20 +71,20 @@ def experiment(friction: str, seed: int, progress: Callable[[str], None]) -> Exp
     return Experiment(made, logs, answers)
 
 
-def _row(way: str, logs: dict[str, Log], whole: Log) -> Answer:
-    results = {case: runs.result_by(way, log) for case, log in logs.items()}
-    row: Answer = {"way": way, "words": runs.WAYS[way].words}
+def _row(estimator: str, logs: dict[str, Log], whole: Log) -> Answer:
+    results = {case: runs.result_by(estimator, log) for case, log in logs.items()}
+    row: Answer = {"way": estimator, "words": runs.WAYS[estimator].words}
     for case, result in results.items():
         row[case] = _cell(result, logs[case])
     for case in ("body", "balanced"):
         row[f"j_e_{case}"] = _body(results["plain"], results[case])
-    row["converged"] = converged(way, whole)
+    row["converged"] = converged(estimator, whole)
     return row
 
 
-def converged(way: str, log: Log) -> float | None:
+def converged(estimator: str, log: Log) -> float | None:
     """Length (s) of a log from the run's start from which on J1^ stays within `CONVERGED`; None where it does not."""
-    errors = [runs.error_by(way, log.first(length)) for length in GROWING.tolist()]
+    errors = [runs.error_by(estimator, log.first(length)) for length in GROWING.tolist()]
     return settled_within(GROWING, np.array(errors), CONVERGED)
 
 
@@ -183,9 +183,11 @@ def simulation(progress: Callable[[str], None]) -> Simulation:
     run = runs.simulation_run()
     log = runs.read_back(run, runs.ideal_rig())
     rows = [_at_the_times(log, work, letter) for letter in (True, False) for work in WORKS]
-    for way in ("printed", "better", "momentum", "nls-viscous"):
-        progress(f"ideal simulation of Fig. 7: {runs.WAYS[way].words}")
-        rows.append(_simulation_row(runs.WAYS[way].words + ", all intervals" * (way == "printed"), way, log))
+    for estimator in ("printed", "better", "momentum", "nls-viscous"):
+        progress(f"ideal simulation of Fig. 7: {runs.WAYS[estimator].words}")
+        rows.append(
+            _simulation_row(runs.WAYS[estimator].words + ", all intervals" * (estimator == "printed"), estimator, log)
+        )
     progress("backstepping of Fig. 8, 10 kHz")
     curves = tuple(curve_of(law, frequency) for frequency in FREQUENCIES for law in ("printed", "consistent"))
     found = controller(run, run.recording.time > run.recording.time[-1] / 2)
@@ -195,8 +197,8 @@ def simulation(progress: Callable[[str], None]) -> Simulation:
     return Simulation(run.recording, curves, log.truth, answers)
 
 
-def _simulation_row(words: str, way: str, log: Log, **options: object) -> Answer:
-    result = runs.result_by(way, log, **options)
+def _simulation_row(words: str, estimator: str, log: Log, **options: object) -> Answer:
+    result = runs.result_by(estimator, log, **options)
     if isinstance(result, str):
         return {"words": words, "refused": result}
     return {"words": words} | runs.answer_of(result.inertia.value, viscous(result), log)

@@ -125,16 +125,16 @@ def imperfection_rows(seed: int, progress: Callable[[str], None]) -> list[Answer
 
 def _row(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int], Log]) -> Answer:
     ways = PAPER_ONLY if imperfection.group == "processing" else COMPARED
-    found: dict[str, list[tuple[float, float]]] = {way: [] for way in ways}
+    found: dict[str, list[tuple[float, float]]] = {estimator: [] for estimator in ways}
     for draw in range(imperfection.draws):
         pair = [_log(case, imperfection, seed + draw, logs) for case in ("plain", "body")]
-        for way in ways:
-            found[way].append(_errors(way, pair, imperfection))
+        for estimator in ways:
+            found[estimator].append(_errors(estimator, pair, imperfection))
     row: Answer = {"words": imperfection.words, "group": imperfection.group, "draws": imperfection.draws}
     row["size"] = None if imperfection.size is None else list(imperfection.size)
-    for way, errors in found.items():
+    for estimator, errors in found.items():
         j1, j_e = np.array(errors).T
-        row[way] = {"j1": _one(j1), "j_e": _one(j_e)}
+        row[estimator] = {"j1": _one(j1), "j_e": _one(j_e)}
     if imperfection.draws > 1 and imperfection.group == "sensors":
         row["single"] = _single(imperfection, seed, logs)
     return row
@@ -168,17 +168,17 @@ def _log(case: str, imperfection: Imperfection, seed: int, logs: dict[tuple[str,
     return replace(logs[key], rig=without_truth(stated))
 
 
-def _errors(way: str, pair: list[Log], imperfection: Imperfection) -> tuple[float, float]:
+def _errors(estimator: str, pair: list[Log], imperfection: Imperfection) -> tuple[float, float]:
     """Errors of J1^ and J_e^, per cent."""
     values = []
     for case, log in zip(("plain", "body"), pair, strict=True):
-        options: dict[str, object] = dict(imperfection.options) if way == "printed" else {}
+        options: dict[str, object] = dict(imperfection.options) if estimator == "printed" else {}
         if imperfection.mirror:
             options["nodes"] = nodes = runs.reference_nodes(runs.motion(case), log)
             if imperfection.letter:
                 values.append(runs.by_letter(log, nodes)[0])
                 continue
-        result = runs.result_by(way, log, **options)
+        result = runs.result_by(estimator, log, **options)
         # the last value of a least-squares search that did not converge has no meaning
         lost = isinstance(result, str) or any(message.code == "not-converged" for message in result.warnings)
         values.append(math.nan if isinstance(result, str) or lost else result.inertia.value)

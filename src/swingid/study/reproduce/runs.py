@@ -140,7 +140,7 @@ def ideal_rig() -> Rig:
 
 @dataclass(frozen=True)
 class Way:
-    """A way from a log to J1: a method with options, and its name in words."""
+    """An estimator from a log to J1: a method with options, and its name in words."""
 
     words: str
     method: str
@@ -168,24 +168,24 @@ WAYS = {
 """By name, in the order of the tables."""
 
 
-def result_by(way: str, log: Log, **options: object) -> Result | str:
-    """The result of a way on a log, or the code of its refusal."""
-    chosen = WAYS[way]
+def result_by(estimator: str, log: Log, **options: object) -> Result | str:
+    """The result of an estimator on a log, or the code of its refusal."""
+    chosen = WAYS[estimator]
     try:
         return identify(log.recording, log.rig, chosen.method, **(dict(chosen.options) | options))
     except (UnanswerableError, InputError) as error:
         return error.code
 
 
-def inertia_by(way: str, log: Log, **options: object) -> float:
-    """J1^ (kg m^2) of a way on a log, NaN where it refuses."""
-    result = result_by(way, log, **options)
+def inertia_by(estimator: str, log: Log, **options: object) -> float:
+    """J1^ (kg m^2) of an estimator on a log, NaN where it refuses."""
+    result = result_by(estimator, log, **options)
     return math.nan if isinstance(result, str) else result.inertia.value
 
 
-def error_by(way: str, log: Log, **options: object) -> float:
-    """Error of J1^ in per cent of the twin's inertia, NaN where the way refuses."""
-    return log.error(inertia_by(way, log, **options))
+def error_by(estimator: str, log: Log, **options: object) -> float:
+    """Error of J1^ in per cent of the twin's inertia, NaN where the estimator refuses."""
+    return log.error(inertia_by(estimator, log, **options))
 
 
 def answer_of(inertia: float, viscous: float | None, log: Log) -> Answer:

@@ -67,10 +67,13 @@ def _glance(results: dict[str, Any]) -> Table:
     paper = results["paper"]
     errors = {one["friction"]: {row["way"]: row for row in one["rows"]} for one in results["experiment"]}
 
-    def j_e(words: str, friction: str, way: str, case: str = "body") -> str:
-        return f"{words} {signed(errors[friction][way][f'j_e_{case}'].get('error'))}"
+    def j_e(words: str, friction: str, estimator: str, case: str = "body") -> str:
+        return f"{words} {signed(errors[friction][estimator][f'j_e_{case}'].get('error'))}"
 
-    reading = {way: 100 * ((paper["a11_body"][way] - paper["j1"][way]) / paper["j_e"] - 1) for way in paper["j1"]}
+    reading = {
+        estimator: 100 * ((paper["a11_body"][estimator] - paper["j1"][estimator]) / paper["j_e"] - 1)
+        for estimator in paper["j1"]
+    }
     here = (
         j_e("(6) as printed", "viscous", "printed"),
         j_e("with speeds by the observers (23)", "viscous", "observers"),
@@ -79,8 +82,8 @@ def _glance(results: dict[str, Any]) -> Table:
     slow_nls = j_e("the same, balanced and slow", "hidden", "nls", "balanced")
     alone = j_e("with viscous friction in its model alone", "hidden", "nls-viscous", "balanced")
     nls, momentum = (
-        [j_e("viscous friction", "viscous", way), j_e("hidden dry friction", "hidden", way)]
-        for way in ("nls", "momentum")
+        [j_e("viscous friction", "viscous", estimator), j_e("hidden dry friction", "hidden", estimator)]
+        for estimator in ("nls", "momentum")
     )
     letter, letter_trapezoid, held, trapezoid = (signed(row["error"]) for row in results["simulation"]["rows"][:4])
     slow = next(row for row in results["simulation"]["backstepping"] if row["frequency"] == FIG8)
@@ -110,8 +113,8 @@ def _experiment(answers: dict[str, Any], paper: dict[str, Any]) -> Table:
     )
 
 
-def _published(paper: dict[str, Any], way: str, words: str) -> tuple[str, ...]:
-    j1, a11 = paper["j1"][way], paper["a11_body"][way]
+def _published(paper: dict[str, Any], estimator: str, words: str) -> tuple[str, ...]:
+    j1, a11 = paper["j1"][estimator], paper["a11_body"][estimator]
     j_e = a11 - j1
     error = 100 * (j_e / paper["j_e"] - 1)
     read, found = inertia(a11, 1), (inertia(j_e, 1), f"{error:+.1f}")
@@ -209,8 +212,8 @@ def _imperfections(found: list[dict[str, Any]], published: dict[str, float]) -> 
     for row in found:
         several = row["draws"] > 1
         cells = [row["words"] + (f" (RMS of {row['draws']})" if several else "")]
-        for way in ("printed", "nls", "momentum"):
-            errors = row.get(way, {})
+        for estimator in ("printed", "nls", "momentum"):
+            errors = row.get(estimator, {})
             texts = [signed(errors.get("j1")), signed(errors.get("j_e"))]
             cells += [text.lstrip("+") for text in texts] if several else texts
         rows.append((*cells, _alone(row, published["proposed"])))

@@ -39,7 +39,8 @@ FOREIGN = 1.5
 class EncoderCalibration:
     """What `calibrate_encoders` found.
 
-    result: every part with its uncertainty, also those that are not identifiable; method "calibrate-encoders". determined:
+    result: every part with its uncertainty, also those that are not identifiable; method "calibrate-encoders".
+    determined:
     names of the identifiable parts. rig: the rig with these, ``rig.text`` its file with the comments of the old one.
     """
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from refusals import coded
 from swingid.balance.identifiability import examine, examine_information, require_seen, second_frequency
 from swingid.control.references import Multisine, Sine
 from swingid.errors import UnanswerableError
@@ -46,9 +47,7 @@ def test_a_small_sine_does_not_show_the_inertia_and_says_with_what_it_moves():
     small = of(columns_of(1e-6, 8.5))
     assert small.rank == 1
     assert small.condition == np.inf
-    with pytest.raises(
-        UnanswerableError, match=r"inertia and gravity torque are correlated.*second frequency, such as 5"
-    ):
+    with pytest.raises(UnanswerableError, check=coded("not-identifiable")):
         require_seen(small, 8.5, 5.0 / 1.5)
 
 
@@ -98,11 +97,8 @@ UNKNOWN = {"axis.gravity_torque": "unknown", "sensors.noise": 1e-2}
 def test_one_small_sine_with_unknown_gravity_is_refused_in_words(tmp_path, method):
     rig = PAPER.changed({"sensors.noise": 1e-2})
     log = logged(rig, tmp_path, Sine(0.2, 8.5), duration=12.0)
-    with pytest.raises(
-        UnanswerableError, match=r"inertia and gravity torque are correlated.*second frequency.*give"
-    ) as e:
+    with pytest.raises(UnanswerableError, check=coded("not-identifiable")):
         identify(log, given(rig).changed(UNKNOWN), method)
-    assert e.value.code == "not-identifiable"
 
 
 def test_the_same_with_two_frequencies_is_answered(tmp_path):

@@ -23,6 +23,7 @@ from closed_form_logs import (
     free_rig,
     wheel_log,
 )
+from refusals import coded
 from swingid.calibration.encoders import calibrate_encoders
 from swingid.control.references import parse_reference
 from swingid.errors import InputError, UnanswerableError
@@ -258,7 +259,7 @@ def test_refusals():
     with pytest.raises(InputError) as caught:
         calibrate_encoders(log, linear)
     assert caught.value.code == "nothing-to-calibrate"
-    with pytest.raises(InputError, match="has no wheel angle"):
+    with pytest.raises(InputError, check=coded("missing-wheel-angle")):
         calibrate_encoders(replace(log, wheel_angle=None), exact_rig())
     with pytest.raises(UnanswerableError) as caught:
         calibrate_encoders(replace(log, angle=0 * log.angle), exact_rig())

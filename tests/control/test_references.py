@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from refusals import coded
 from swingid.cli import main
 from swingid.control.references import (
     Chirp,
@@ -184,7 +185,7 @@ def test_callable_motion_with_a_dwell_and_ripple_below_its_range() -> None:
     # The central difference is short by step^2/6 times the third derivative: by 16/6 (step/T)^2 here.
     expected = stroke.peak_speed(5.0) * (1.0 - 16.0 / 6.0 * (1e-3 / 0.5) ** 2)
     assert smooth.peak_speed(5.0) == pytest.approx(expected, rel=1e-8)
-    with pytest.raises(UsageError, match="one finite position"):
+    with pytest.raises(UsageError, check=coded("bad-reference")):
         Motion(lambda t: np.array([1.0]))(np.zeros(4))
 
 
@@ -295,13 +296,13 @@ def test_motion_from_a_file(tmp_path) -> None:
     with pytest.raises(InputError, match="row 3"):
         parse_reference(f"file {path}")
     path.write_text("t,ym\n0,0\n")
-    with pytest.raises(InputError, match="4 or more"):
+    with pytest.raises(InputError, check=coded("bad-reference-file")):
         parse_reference(f"file {path}")
     path.write_text("0,0\n1,1\n1,2\n2,2\n")
     with pytest.raises(InputError) as caught:
         parse_reference(f"file {path}")
     assert caught.value.code == "bad-reference-file"
-    with pytest.raises(InputError, match="give an existing"):
+    with pytest.raises(InputError, check=coded("missing-reference")):
         parse_reference(f"file {tmp_path / 'none.csv'}")
 
 

@@ -16,6 +16,7 @@ from swingid.simulation.twin import Setup, run_of
 gymnasium = pytest.importorskip("gymnasium", reason="needs pip install 'swingid[gym]'")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
+from refusals import coded  # noqa: E402
 from swingid.exchange.environment import SwingEnv, baseline, identified_rig  # noqa: E402
 
 MADE = "swingid.exchange.environment:SwingId-v0"
@@ -119,7 +120,7 @@ def test_doing_nothing_does_not_balance() -> None:
 
 def test_a_rig_without_a_wheel_is_refused() -> None:
     rig = sw.Rig.from_text('name = "arm"\n[axis]\ngravity_torque = 0.2\ninertia = 3e-3\n[drive]\nkind = "none"\n')
-    with pytest.raises(UsageError, match="no wheel"):
+    with pytest.raises(UsageError, check=coded("no-wheel")):
         SwingEnv(rig)
     with pytest.raises(UsageError, match="task"):
         SwingEnv(task="fly")  # type: ignore[arg-type]

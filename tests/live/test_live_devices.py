@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from live_host import BOARD, encode, parameter_frames
+from refusals import coded
 from swingid.cli import main
 from swingid.errors import DeviceError, SwingidError, UsageError
 from swingid.live.devices import table
@@ -86,7 +87,7 @@ def test_another_package_adds_a_scheme(monkeypatch: pytest.MonkeyPatch) -> None:
     assert table.schemes() == sorted([*table.SCHEMES, "lab", "old"])
     with pytest.raises(AttributeError):  # twin_of takes a rig: it was called with the address
         open_device("lab://bench")
-    with pytest.raises(UsageError, match="old:// can't be loaded: no_such_module_of_a_lab:open"):
+    with pytest.raises(UsageError, check=coded("bad-plugin", "old://", "no_such_module_of_a_lab:open")):
         open_device("old://bench")
 
 
@@ -122,7 +123,7 @@ def test_tcp_reset_is_said_in_words(listener: socket.socket) -> None:
     host = listener.accept()[0]
     host.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # its end is a reset
     host.close()
-    with pytest.raises(DeviceError, match=r"the device has gone \([^\[\d]+\); check cable"):
+    with pytest.raises(DeviceError, check=coded("gone")):
         device.read(5.0)
 
 
@@ -131,10 +132,10 @@ def test_tcp_without_a_device(listener: socket.socket) -> None:
     device = open_device(f"tcp://localhost:{port}")
     assert device.read(0.001) == b""
     listener.accept()[0].close()
-    with pytest.raises(DeviceError, match=r"device has gone .*another host"):
+    with pytest.raises(DeviceError, check=coded("gone")):
         device.read(5.0)
     listener.close()
-    with pytest.raises(DeviceError, match=r"nobody answers there .*swingid emulate") as error:
+    with pytest.raises(DeviceError, check=coded("no-device", "swingid emulate")) as error:
         open_device(f"tcp://127.0.0.1:{port}")
     assert (error.value.exit_code, error.value.code) == (5, "no-device")
 
@@ -142,7 +143,7 @@ def test_tcp_without_a_device(listener: socket.socket) -> None:
 def test_a_device_that_takes_nothing(listener: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("swingid.live.devices.tcp.WRITE_TIME", 0.05)
     device = open_device(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
-    with pytest.raises(DeviceError, match="takes nothing"):
+    with pytest.raises(DeviceError, check=coded("no-answer")):
         device.write(bytes(100_000_000))
 
 
@@ -178,9 +179,8 @@ def test_serial_carries_every_byte_and_is_locked(terminal: tuple[int, str]) -> N
     while len(came) < 256:
         came += device.read(5.0)
     assert came == bytes(range(256))
-    with pytest.raises(DeviceError, match=r"another program uses .*close it") as error:
+    with pytest.raises(DeviceError, check=coded("busy")):
         open_device(f"serial://{path}?baud=115200")
-    assert error.value.code == "busy"
     device.close()
     device.close()
     open_device(path).close()
@@ -192,9 +192,9 @@ def test_a_serial_port_unplugged_in_use(terminal: tuple[int, str]) -> None:
     master, path = terminal
     device = open_device(path)
     os.close(master)
-    with pytest.raises(DeviceError, match=r"device has gone.*check cable"):
+    with pytest.raises(DeviceError, check=coded("gone")):
         device.read(5.0)
-    with pytest.raises(DeviceError, match="device has gone"):
+    with pytest.raises(DeviceError, check=coded("gone")):
         device.write(b"x" * 10)
     device.close()
 
@@ -202,11 +202,11 @@ def test_a_serial_port_unplugged_in_use(terminal: tuple[int, str]) -> None:
 @posix
 def test_no_such_port_and_no_port_at_all(tmp_path: Any) -> None:
     pytest.importorskip("serialx")
-    with pytest.raises(DeviceError, match="there is no port /dev/ttySwing9; ports here: "):
+    with pytest.raises(DeviceError, check=coded("no-device", "/dev/ttySwing9")):
         open_device("/dev/ttySwing9")
     file = tmp_path / "file"
     file.write_text("")
-    with pytest.raises(DeviceError, match="is no serial port that can be used"):
+    with pytest.raises(DeviceError, check=coded("no-device")):
         open_device(f"serial://{file}")
 
 
@@ -221,9 +221,8 @@ def test_no_permission_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
             raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr(serialx, "Serial", Denied)
-    with pytest.raises(DeviceError, match=r"no permission for /dev/ttyACM7; .*usermod -aG dialout \$USER") as error:
+    with pytest.raises(DeviceError, check=coded("no-permission", "/dev/ttyACM7", "usermod -aG", "$USER")):
         open_device("/dev/ttyACM7")
-    assert error.value.code == "no-permission"
 
 
 # ---- CAN
@@ -259,7 +258,7 @@ def test_can_messages_are_the_frames_unchanged() -> None:
 
 def test_no_can_bus() -> None:
     pytest.importorskip("can")
-    with pytest.raises(DeviceError, match=r"no CAN bus there .*ip link set"):
+    with pytest.raises(DeviceError, check=coded("no-device", "CAN")):
         open_device("can://no-such-bus0")
 
 
@@ -271,7 +270,7 @@ def test_a_missing_package_is_one_sentence(package: str, address: str, monkeypat
 
     schema.schema.cache_clear()
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(SwingidError, match=r"pip install 'swingid\[live\]'") as error:
+    with pytest.raises(SwingidError, check=coded("missing-package", "'swingid[live]'")) as error:
         open_device(address).write(encode("Who"))
     assert error.value.exit_code == 2
     schema.schema.cache_clear()

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import swingid as sw
 from live_host import RIG
+from refusals import coded
 from swingid.cli import main
 from swingid.control.references.parse import parse_reference
 from swingid.errors import DeviceError, InputError, UsageError
@@ -146,9 +147,9 @@ def test_what_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     with pytest.raises(UsageError) as caught:
         device.write(b"x")
     assert caught.value.code == "passive"
-    with pytest.raises(DeviceError, match="check baud"):
+    with pytest.raises(DeviceError, check=coded("no-columns")):
         record(device, out, idle=5.0)
-    with pytest.raises(UsageError, match="prints 2 columns and 3 names"):
+    with pytest.raises(UsageError, check=coded("bad-columns", "2 columns", "3 names")):
         record(open_device(f"csv://{rows}"), out, idle=0.01, names=["a", "b", "c"], cut=False)
     with pytest.raises(UsageError) as caught:
         record(open_device(f"csv://{rows}"), out, idle=0.01, names=["a", "a"], cut=False)

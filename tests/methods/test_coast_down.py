@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import swingid as sw
+from refusals import coded
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.uncertainty.budget import Parameter
 
@@ -158,7 +159,7 @@ def test_torque_steps_that_turn_in_one_direction_give_the_inertia(seed: int) -> 
 def test_a_torque_of_the_wrong_sign_is_named() -> None:
     rig = wheel(drive="direct", counts=4096, log="torque_gain = 1")
     log = sw.simulate(rig, drive=np.repeat([0.0, 2e-3, 1e-3, 0.0], 1001)[:4001], duration=20.0, rate=200.0)
-    with pytest.raises(UnanswerableError, match="in one direction with the method momentum"):
+    with pytest.raises(UnanswerableError, check=coded("no-turning-points", "momentum")):
         sw.identify(log, rig, method="equation-error")
     assert log.torque is not None
     turned = sw.Recording.from_columns({"t": log.time, "q1": log.angle, "tau": -log.torque}, rig)
@@ -168,18 +169,16 @@ def test_a_torque_of_the_wrong_sign_is_named() -> None:
 
 
 def test_equal_bodies_in_all_logs_set_no_scale() -> None:
-    with pytest.raises(UnanswerableError, match="a log with and one without a known body") as caught:
+    with pytest.raises(UnanswerableError, check=coded("no-scale")):
         sw.identify([coast(1, RING), coast(2, RING)], wheel(), added=[RING, RING])
-    assert caught.value.code == "no-scale"
 
 
 def test_a_body_that_swings_is_not_taken_for_a_coast_down() -> None:
     rig = sw.Rig.from_text(TEXT.format(inertia=J, counts=4096, drive="none", coulomb=0, log="").replace(
         "gravity_torque = 0", "gravity_torque = 0.02"))  # fmt: skip
     log = sw.simulate(rig, duration=10.0, rate=200.0, initial_angle=0.5)
-    with pytest.raises(UnanswerableError, match="gravity alone sets the scale") as caught:
+    with pytest.raises(UnanswerableError, check=coded("no-scale")):
         sw.identify(log, rig.changed({"axis.gravity_torque": 0}))
-    assert caught.value.code == "no-scale"
 
 
 def test_a_log_that_only_speeds_up_is_refused() -> None:
@@ -198,7 +197,7 @@ def test_other_methods_name_momentum_for_a_coast_down(method: str) -> None:
 
 
 def test_other_methods_refuse_known_bodies() -> None:
-    with pytest.raises(UsageError, match="by the method momentum"):
+    with pytest.raises(UsageError, check=coded("unknown-option", "momentum")):
         sw.identify([coast(1), coast(2, RING)], wheel(), method="energy", added=[0, RING])
 
 
@@ -207,9 +206,8 @@ def test_known_bodies_beside_a_drive_of_unknown_scale_are_refused() -> None:
     rig = sw.Rig.builtin("paper")
     logs = [sw.simulate(rig, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), duration=4.0, seed=k) for k in (1, 2)]
     unknown = rig.changed({"drive.wheel.inertia": "unknown", "drive.motor.rotor_inertia": 0})
-    with pytest.raises(UnanswerableError, match=r"wheel\.inertia is unknown, and known bodies") as caught:
+    with pytest.raises(UnanswerableError, check=coded("no-scale", "wheel.inertia")):
         sw.identify(logs, unknown, added=[0, 6e-4])
-    assert caught.value.code == "no-scale"
 
 
 def test_the_command_takes_one_added_inertia_per_log(tmp_path: Path) -> None:

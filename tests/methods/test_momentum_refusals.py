@@ -22,6 +22,7 @@ from closed_form_logs import (
     wheel_log,
 )
 from long_cases import quick_if
+from refusals import coded
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
@@ -65,9 +66,8 @@ def one_tone(amplitude, noise):
 @pytest.mark.parametrize("amplitude", [0.05, 0.1, 0.2])
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
 def test_one_tone_does_not_tell_inertia_from_gravity(amplitude, noise):
-    with pytest.raises(UnanswerableError, match="add a second frequency") as caught:
+    with pytest.raises(UnanswerableError, check=coded("not-identifiable")) as caught:
         identify(one_tone(amplitude, noise), PAPER.changed({"axis.gravity_torque": "unknown"}))
-    assert caught.value.code == "not-identifiable"
     assert caught.value.exit_code == 4
 
 
@@ -88,7 +88,7 @@ def test_one_large_tone_is_refused_doubted_or_rightly_uncertain(amplitude, noise
 def test_one_tone_with_a_torque_does_not_either():
     rig = direct_rig(**{"axis.gravity_torque": "unknown"})
     for amplitude in (0.05, 0.1, 0.2):
-        with pytest.raises(UnanswerableError, match="add a second frequency"):
+        with pytest.raises(UnanswerableError, check=coded("not-identifiable")):
             identify(direct_log(Sines((amplitude, 8.5, 0.0)), friction, TIME), rig)
     # ONE_TONE is large, so that sin q has a third harmonic, by which a perfect log determines both
     large = identify(direct_log(ONE_TONE, friction, TIME), rig)
@@ -111,9 +111,8 @@ def test_a_weak_second_tone_is_doubted():
 
 def test_a_free_decay_needs_gravity():
     log = free_log(friction, TIME)
-    with pytest.raises(UnanswerableError, match=r"gravity alone sets the scale; give axis\.gravity_torque") as caught:
+    with pytest.raises(UnanswerableError, check=coded("no-scale", "axis.gravity_torque")) as caught:
         identify(log, free_rig(**{"axis.gravity_torque": 0}))
-    assert caught.value.code == "no-scale"
     assert caught.value.exit_code == 4
 
 
@@ -195,12 +194,10 @@ def test_a_decay_about_the_wrong_zero_is_refused():
 
 
 def test_a_rig_of_another_drive_kind():
-    with pytest.raises(InputError, match="drive is direct") as caught:
+    with pytest.raises(InputError, check=coded("missing-torque")):
         identify(wheel(), direct_rig())
-    assert caught.value.code == "missing-torque"
-    with pytest.raises(InputError, match="drive is a reaction wheel") as caught:
+    with pytest.raises(InputError, check=coded("missing-wheel-angle")):
         identify(direct_log(ONE_TONE, friction, TIME), PAPER)
-    assert caught.value.code == "missing-wheel-angle"
 
 
 @pytest.mark.parametrize("method", ["momentum", "energy", "equation-error", "output-error"])
@@ -307,7 +304,7 @@ def test_a_driven_axis_tells_its_zero_too(motion, alike):
 
 def test_a_latency_longer_than_the_log_is_a_typing_error():
     rig = direct_rig(**{"sensors.latency": "4 s"})
-    with pytest.raises(InputError, match=r"sensors\.latency is 4 s, too much for a log of 15 s"):
+    with pytest.raises(InputError, check=coded("long-latency", "sensors.latency", "4 s", "15 s")):
         identify(direct_log(ONE_TONE, friction, TIME), rig)
 
 
@@ -456,9 +453,9 @@ def test_findings_of_the_recording_reach_the_result(twin_log):
 
 def test_what_is_no_log_or_no_rig_is_told():
     rig = Rig.builtin("paper")
-    with pytest.raises(UsageError, match=r"'run.csv' is no log yet; load it with"):
+    with pytest.raises(UsageError, check=coded("no-log", "'run.csv'")):
         identify("run.csv", rig)
-    with pytest.raises(UsageError, match=r"'paper' is no Rig; load one with"):
+    with pytest.raises(UsageError, check=coded("no-rig", "'paper'", "Rig")):
         identify([], "paper")
 
 
@@ -466,7 +463,7 @@ def test_a_refusal_names_the_file(tmp_path):
     rig, time = Rig.builtin("paper"), np.arange(3000) / 1000
     still = Recording(time, 1e-4 * np.sin(time), wheel_angle=2e-5 * time, voltage=0 * time)
     path = still.save(tmp_path / "still.csv", rig)
-    with pytest.raises(UnanswerableError, match=r"still.csv: the angle moves by"):
+    with pytest.raises(UnanswerableError, check=coded("no-motion", "still.csv")):
         identify(Recording.load(path, rig), rig)
-    with pytest.raises(UnanswerableError, match=r"^the angle moves by"):
+    with pytest.raises(UnanswerableError, check=coded("no-motion")):
         identify(still, rig)

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import swingid as sw
+from refusals import coded
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.uncertainty.budget import Parameter
 
@@ -277,17 +278,15 @@ def test_the_scale_of_the_voltage_reaches_the_torque_per_volt_it_was_found_with(
 
 
 def test_calibrate_says_that_identify_finds_the_constants_of_a_motor_on_the_axis():
-    with pytest.raises(InputError, match="use identify for this rig, which finds the constants of a motor") as caught:
+    with pytest.raises(InputError, check=coded("no-wheel")):
         sw.calibrate(twin_log(1), TRUE)
-    assert caught.value.code == "no-wheel"
 
 
 def test_a_voltage_that_was_not_logged():
     """As in 20 real logs of servos (benchmarks/strangers, sts3250-motor): the load was not read, 0 in all rows."""
     log = twin_log(1)
     lost = replace(log, voltage=np.zeros(len(log)))
-    with pytest.raises(InputError, match=r"voltage is 0 in all rows.*what drives it was not logged") as caught:
+    with pytest.raises(InputError, check=coded("constant-drive")):
         sw.identify(lost, servo())
-    assert caught.value.code == "constant-drive"
-    with pytest.raises(InputError, match="voltage is 0 in all rows"):
+    with pytest.raises(InputError, check=coded("constant-drive")):
         sw.identify({"whole": log, "lost": lost}, servo())

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 import swingid as sw
+from refusals import coded
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.result.result import Message, Parameter, Result, combined, refusal
 from swingid.uncertainty.budget import BudgetEntry, scatter, stated
@@ -171,7 +172,7 @@ def test_results_that_do_not_belong_together(tare: Result, loaded: Result, code:
 
 
 def test_a_body_lost_in_the_uncertainty() -> None:
-    with pytest.raises(UnanswerableError, match="lost in its uncertainty"):
+    with pytest.raises(UnanswerableError, check=coded("not-identifiable")):
         sw.difference(made(3e-3, 1e-5), made(3.02e-3, 1e-5))
 
 
@@ -223,12 +224,12 @@ def test_a_correction_beyond_its_uncertainty_is_a_warning(scale: float, stated: 
 def test_a_difference_that_does_not_feel_the_scale_calibrates_nothing() -> None:
     tare, loaded = weighed(1.0, u=1e-7)
     loaded = replace(loaded, sensitivities=tare.sensitivities)
-    with pytest.raises(UnanswerableError, match="hardly depends on a12"):
+    with pytest.raises(UnanswerableError, check=coded("no-scale", "a12")):
         sw.difference(tare, loaded, known=1e-3)
 
 
 def test_results_that_do_not_name_their_scale_calibrate_nothing() -> None:
-    with pytest.raises(UnanswerableError, match="scale reference"):
+    with pytest.raises(UnanswerableError, check=coded("no-scale")):
         sw.difference(made(3e-3), made(4e-3), known=1e-3)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from refusals import coded
 from swingid.cli import main
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
@@ -77,7 +78,7 @@ def test_the_log_of_another_body_is_named(folder: Path) -> None:
 
 def test_one_log_twice_is_refused(folder: Path) -> None:
     recordings, rig = read(folder, "a", "a")
-    with pytest.raises(sw.errors.UsageError, match="same log"):
+    with pytest.raises(sw.errors.UsageError, check=coded("same-log-twice")):
         sw.identify(recordings, rig)
 
 

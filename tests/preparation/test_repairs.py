@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recording_cases import columns_of, rig_with, swing, write_columns
+from refusals import coded
 from swingid.cli import main
 from swingid.errors import InputError, UsageError
 from swingid.identification import identify
@@ -99,7 +100,7 @@ def test_result_names_the_repairs_and_a_saved_file_keeps_them(tmp_path):
 
 
 def test_unknown_repairs_are_refused_with_the_nearest():
-    with pytest.raises(UsageError, match="the nearest is spikes"):
+    with pytest.raises(UsageError, check=coded("unknown-repair", "spikes")):
         Recording.load("nowhere.csv", RIG, repairs={"spike": False})
 
 

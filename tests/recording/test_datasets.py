@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from refusals import coded
 from swingid.cli import main
 from swingid.errors import InputError, UsageError
 from swingid.recording.datasets import CATALOGUE, DataFile, DataSet, find, get
@@ -78,7 +79,7 @@ def test_entries_are_whole_and_addresses_name_a_commit(dataset):
 
 def test_names_are_found_in_both_spellings_and_the_nearest_is_named():
     assert find("free-pendulum") is find("free_pendulum")
-    with pytest.raises(UsageError, match="the nearest is emps"):
+    with pytest.raises(UsageError, check=coded("unknown-dataset", "emps")):
         find("emsp")
 
 
@@ -110,7 +111,7 @@ def test_a_file_that_was_changed_is_not_overwritten(tmp_path):
 
 
 def test_what_a_stated_copy_lacks_is_not_downloaded(tmp_path, server):
-    with pytest.raises(InputError, match=r"holds no log\.csv"):
+    with pytest.raises(InputError, check=coded("missing-file", "log.csv")):
         list(get(made_up(f"{server}/good.csv"), tmp_path / "out", tmp_path))
     with pytest.raises(InputError) as caught:
         list(get(made_up(None), tmp_path / "out", tmp_path / "nowhere"))
@@ -142,7 +143,7 @@ def test_no_network_is_one_sentence(tmp_path):
 
 def test_without_pooch_the_line_that_installs_it_is_given(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pooch", None)
-    with pytest.raises(InputError, match=r"pip install 'swingid\[datasets\]'"):
+    with pytest.raises(InputError, check=coded("missing-package", "'swingid[datasets]'")):
         list(get(made_up("http://127.0.0.1:1/log.csv"), tmp_path / "out"))
 
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from refusals import coded
 from swingid.cli import main
 from swingid.errors import InputError, UsageError
 from swingid.model.rig import Rig
@@ -131,7 +132,7 @@ def test_a_table_without_header_has_numbered_columns(tmp_path):
 def test_a_header_of_other_width_is_no_table(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t,q1,q2\n" + text("{rows}"))
-    with pytest.raises(InputError, match="header names 3 columns, but its rows have 2 cells"):
+    with pytest.raises(InputError, check=coded("not-a-table", "3 columns", "2 cells")):
         Recording.load(path, free_rig())
 
 
@@ -170,9 +171,8 @@ def test_units_of_the_header_are_taken_and_told(tmp_path):
 def test_a_header_against_the_rig_is_an_error(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(in_degrees("t [ms],q1 [deg]\n"))
-    with pytest.raises(InputError, match=r'deg, but \[log\] angle_unit = "rad"') as caught:
+    with pytest.raises(InputError, check=coded("unit-conflict", '[log] angle_unit = "rad"')):
         Recording.load(path, free_rig(angle_unit="rad"))
-    assert caught.value.code == "unit-conflict"
     assert len(Recording.load(path, free_rig(angle_unit="deg"))) == 2000
 
 
@@ -286,7 +286,7 @@ def test_simulink_dataset_of_a_real_rig(data_dir):
 )
 def test_a_missing_package_is_named_with_its_install_line(monkeypatch, module, content, name):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(InputError, match=r"pip install 'swingid\[formats\]'"):
+    with pytest.raises(InputError, check=coded("missing-package", "'swingid[formats]'")):
         read_table(content, name)
 
 
@@ -316,7 +316,7 @@ def test_tables_in_memory(tmp_path):
     arrow = Recording.from_columns(pa.table({"t": TIME, "q1": ANGLE}), rig)
     np.testing.assert_array_equal(plain.angle, arrow.angle)
     assert plain.source.path is None
-    with pytest.raises(UsageError, match="not list"):
+    with pytest.raises(UsageError, check=coded("not-a-table")):
         Recording.from_columns([1, 2], rig)
     with pytest.raises(UsageError, match="2 dimensions"):
         Recording.from_columns({"t": TIME, "q1": np.zeros((2, 2))}, rig)

@@ -12,6 +12,7 @@ import pytest
 
 import swingid as sw
 from long_cases import quick_first
+from refusals import coded
 from swingid.errors import InputError, UnanswerableError
 from swingid.numerics.test_functions import SLOPE_POWER, neighbour_overlaps, rate_overlaps
 from swingid.preparation.rate import Level, levelled, spins
@@ -196,9 +197,8 @@ def test_a_saturated_gyroscope_is_detected_and_what_follows_is_used():
     assert finding.level == "warning"
     assert np.max(np.abs(cut.angle_speed)) < 0.6 * peak
     assert sw.identify(cut, own).inertia.value == pytest.approx(J, rel=1e-3)
-    with pytest.raises(InputError, match="wider range") as problem:
+    with pytest.raises(InputError, check=coded("saturated-rate")):
         sw.Recording.from_columns({"t": log.time, "gz": np.clip(log.angle_speed, -0.05, 0.05)}, own)
-    assert problem.value.code == "saturated-rate"
 
 
 def test_a_spinning_body_keeps_its_speed():
@@ -220,10 +220,9 @@ def test_the_coarse_top_of_a_rate_is_no_saturation(resolution):
 @pytest.mark.parametrize("method", ["backstepping"])
 def test_what_cannot_use_a_rate_refuses_it_by_name(method):
     log, own = run("direct", duration=10.0)
-    with pytest.raises(UnanswerableError, match=r"log\.angle_speed is a rate") as problem:
+    with pytest.raises(UnanswerableError, check=coded("rate-alone", "log.angle_speed")):
         sw.identify(log, own, method=method)
-    assert problem.value.code == "rate-alone"
-    with pytest.raises(UnanswerableError, match="a stream"):
+    with pytest.raises(UnanswerableError, check=coded("rate-alone")):
         next(sw.online(log, own))
 
 

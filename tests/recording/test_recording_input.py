@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 from recording_cases import columns_of, rig_with, swing, write_columns
+from refusals import coded
 from swingid.errors import InputError, UnanswerableError
 from swingid.recording import Recording
 from swingid.recording.formats import matlab
@@ -135,7 +136,7 @@ def test_a_reference_that_the_rig_names_may_be_missing(tmp_path):
 
 
 def test_a_missing_wheel_speed_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"no column 'w2' but .*; set \[log\] wheel_speed in the rig file"):
+    with pytest.raises(InputError, check=coded("missing-column", "'w2'", "[log] wheel_speed")):
         Recording.load(changed(tmp_path), rig_with(wheel_speed="w2"))
 
 
@@ -445,7 +446,7 @@ def test_a_clock_that_jumps_far_is_refused(tmp_path):
         late["t"][500:] += pause
         path = write_columns(tmp_path / "log.csv", late)
         if refused:
-            with pytest.raises(InputError, match=r"jumps by 1e\+06 s after row 500"):
+            with pytest.raises(InputError, check=coded("absurd-time", "1e+06 s", "500")):
                 Recording.load(path, rig_with())
         else:
             assert "gaps" in {finding.code for finding in Recording.load(path, rig_with()).findings}

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 import factories
+from refusals import coded
 from swingid.errors import UsageError
 from swingid.report.figures.estimates import _in_percent, draw_budget, draw_kinds, draw_swings
 from swingid.report.figures.motion import draw_friction, draw_residuals, panels_of, sides_of, speed_of
@@ -103,7 +104,7 @@ def test_the_picture_shows_the_answer_its_band_and_each_swing_by_side() -> None:
 
 
 def test_what_has_no_number_cannot_be_plotted() -> None:
-    with pytest.raises(UsageError, match="record a swing"):
+    with pytest.raises(UsageError, check=coded("nothing-to-plot")):
         plot_result(factories.refused_result())
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from refusals import coded
 from swingid.cli import main
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
@@ -102,7 +103,7 @@ def test_no_push_changes_no_digit():
 
 
 def test_a_push_of_wrong_length_is_a_usage_error():
-    with pytest.raises(UsageError, match="push must hold one finite number per row, 1001"):
+    with pytest.raises(UsageError, check=coded("bad-push", "1001")):
         simulate(TWIN, duration=1.0, push=np.zeros(3))
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from refusals import coded
 from swingid.errors import InputError, UsageError
 from swingid.study.campaign import READY, load_plan
 from swingid.study.campaign.experiment import experiment_of
@@ -60,7 +61,7 @@ def test_a_bad_plan_is_one_sentence_that_names_the_key(head: str, text: str, sai
 
 
 def test_files_that_are_no_plan(tmp_path) -> None:
-    with pytest.raises(UsageError, match="one of coverage"):
+    with pytest.raises(UsageError, check=coded("unknown-plan")):
         load_plan("nothing")
     with pytest.raises(InputError) as caught:
         load_plan(tmp_path / "none.toml")

@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from refusals import coded
 from swingid.errors import InputError
 from swingid.report.html import write_campaign
 from swingid.study.campaign.loading import plan_from_text
@@ -166,10 +167,10 @@ def test_results_of_another_version_are_not_taken_for_this_ones(tmp_path) -> Non
     plan = plan_from_text(PLAN)
     store = Store(plan, tmp_path / "one")
     pq.write_table(table_of(plan, effect).drop_columns(["wanted"]), tmp_path / "one" / "results.parquet")
-    with pytest.raises(InputError, match="has no column wanted: another version of swingid wrote it"):
+    with pytest.raises(InputError, check=coded("other-version", "wanted")):
         store.table()
     (tmp_path / "one" / "results.parquet").write_bytes(b"PAR1")
-    with pytest.raises(InputError, match="cannot be read; remove it and start again"):
+    with pytest.raises(InputError, check=coded("bad-part")):
         store.table()
 
 

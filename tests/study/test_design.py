@@ -10,6 +10,7 @@ import pytest
 
 import swingid as sw
 from long_cases import quick_first
+from refusals import coded
 from swingid.balance.motor import motor_torque
 from swingid.cli.app import run
 from swingid.control.references import Multisine, Sine
@@ -152,12 +153,9 @@ def test_unknown_gravity_takes_two_frequencies():
 
 @pytest.mark.long
 def test_what_cannot_be_reached_names_the_constant():
-    with pytest.raises(
-        UnanswerableError, match=r"out of reach.*axis\.gravity_torque makes.*know it to \d+ %"
-    ) as refused:
+    with pytest.raises(UnanswerableError, check=coded("not-reachable", "axis.gravity_torque")):
         design(PAPER.changed({"axis.gravity_torque": "78e-3 ± 1 % N*m"}), "0.01 %", duration=20.0, rate=500.0)
-    assert refused.value.code == "not-reachable"
-    with pytest.raises(UnanswerableError, match=r"sensor noise.*allow more than 20 s"):
+    with pytest.raises(UnanswerableError, check=coded("not-reachable", "20 s")):
         design(PAPER.changed({"sensors.noise": 0.05}), "0.01 %", duration=20.0, rate=500.0)
 
 
@@ -189,7 +187,7 @@ def test_refusals_say_what_to_do(rig, options, error, words):
 
 def test_a_rig_without_a_drive_has_no_motion_to_choose():
     rig = sw.Rig.from_text('[axis]\ngravity_torque = 0.1\ninertia = 1e-3\n[drive]\nkind = "none"\n')
-    with pytest.raises(UnanswerableError, match="no drive"):
+    with pytest.raises(UnanswerableError, check=coded("no-drive")):
         design(rig)
 
 

@@ -11,6 +11,7 @@ from hypothesis import given as sampled
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from refusals import coded
 from swingid.cli import main
 from swingid.control.references import Multisine, Sine
 from swingid.errors import InputError, UnanswerableError
@@ -97,9 +98,9 @@ def test_refusals(fitted, other):
         validate(refused, other, given(RIG))
     assert caught.value.code == "refused-result"
     mass = replace(fitted, parameters={"inertia": Parameter.of(95.0, 0.5, "kg")})
-    with pytest.raises(InputError, match="give the rig of the result"):
+    with pytest.raises(InputError, check=coded("other-axis")):
         validate(mass, other, given(RIG))
-    with pytest.raises(UnanswerableError, match="take the wheel"):
+    with pytest.raises(UnanswerableError, check=coded("no-motor-constants")):
         validate(fitted, replace(other, voltage=None), given(RIG), input="voltage")
 
 
@@ -143,7 +144,7 @@ def test_a_fitted_log_and_another_rig_are_said(fitted, other):
 
 
 def test_signs_are_checked_before_anything_is_predicted(fitted, other):
-    with pytest.raises(InputError, match="wheel_angle has the wrong sign"):
+    with pytest.raises(InputError, check=coded("wrong-sign", "wheel_angle")):
         validate(fitted, replace(other, wheel_angle=-other.wheel_angle), given(RIG))
     (note,) = validate(fitted, replace(other, voltage=-other.voltage), given(RIG), input="voltage").notes
     assert "the voltage's sign" in note

@@ -49,4 +49,4 @@ def tabulate(
     write_whole(Path(target), found.to_csv().encode())
     output.tell(f"{found.summary()}\nwrote {target}")
     if not found.answered:
-        raise UnanswerableError(f"none of the logs has a number; {target} has the reasons", code="all-refused")
+        raise UnanswerableError(f"none of the logs has a number; {target} has the reasons.", code="all-refused")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -132,12 +134,30 @@ class Pressed(TwinDevice):
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 def test_the_end_that_the_system_asks_for_is_a_soft_stop_and_then_a_hard_one(name: str) -> None:
     number, asked = signal.Signals[name], []
-    before = signal.getsignal(number)
-    with stopping(lambda mode, why: asked.append((mode, why))):
-        os.kill(os.getpid(), number)
-        os.kill(os.getpid(), number)
-    assert asked == [(StopMode.SOFT, f"stopped by {name}"), (StopMode.HARD, f"stopped by {name}")]
-    assert signal.getsignal(number) is before
+    with handled(number, signal.SIG_DFL):
+        with stopping(lambda mode, why: asked.append((mode, why))):
+            os.kill(os.getpid(), number)
+            os.kill(os.getpid(), number)
+        assert asked == [(StopMode.SOFT, f"stopped by {name}"), (StopMode.HARD, f"stopped by {name}")]
+        assert signal.getsignal(number) is signal.SIG_DFL
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGHUP is a signal of POSIX")
+def test_what_was_started_to_outlive_its_terminal_does_so() -> None:
+    asked = []
+    with handled(signal.SIGHUP, signal.SIG_IGN), stopping(lambda mode, why: asked.append((mode, why))):
+        os.kill(os.getpid(), signal.SIGHUP)
+    assert asked == []
+
+
+@contextmanager
+def handled(number: signal.Signals, handler: signal.Handlers) -> Iterator[None]:
+    """A signal as a process finds it at its start, however the tests were started."""
+    before = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)
 
 
 @pytest.mark.parametrize("seconds", [1.0, 2.0])

@@ -99,7 +99,7 @@ class Judged:
         return matters(change, self.limits[limit], self.a11)
 
     def contains(self, change: float) -> bool:
-        """Whether the interval, with what hypotheses add to it, contains a change, which must be of first order."""
+        """Return whether the interval, with what hypotheses add, contains a change, which must be of first order."""
         return not self.matters(change, "whole") and abs(change) <= FIRST_ORDER * abs(self.a11)
 
 

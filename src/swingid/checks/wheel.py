@@ -40,16 +40,16 @@ class _Slip:
 
 
 def wheel_slips(evidence: Evidence, judged: Judged) -> list[Finding] | None:
-    """Whether a wheel that slips one way explains what the balance leaves."""
+    """Find a wheel that slips one way, where that explains what the balance leaves."""
     found = _slip(evidence.law, evidence.signals)
     if found is None:
         return None
     if not CERTAIN * found.u < abs(found.value) <= LARGEST or found.ratio > BETTER:
         return []
     share = plus_minus(100 * abs(found.value), 100 * found.u, "%")
-    way = "forward" if found.value > 0 else "back"
+    direction = "forward" if found.value > 0 else "back"
     text = (
-        f"the wheel seems to slip by {share} on the shaft of its encoder as it turns {way}, which reduces the "
+        f"the wheel seems to slip by {share} on the shaft of its encoder as it turns {direction}, which reduces the "
         f"residuals of the balance to {found.ratio:.0%} and changes the inertia by "
         f"{percent(found.change / evidence.law.inertia, sign=True)}; tighten the wheel and record again."
     )

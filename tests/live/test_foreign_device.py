@@ -214,6 +214,7 @@ LONG = {
     *("clock_fast_little", "clock_slow_little", "run_one_late", "run_in_past", "no_ack_stop", "gain_nan"),
     *("samples_twice", "wrong_bytes", "stays_stopping", "endless_stop_ignored", "finished_once", "no_ack_run"),
     *("clock_slow", "stop_ignored", "state_77", "samples_lost", "finished_never", "late_flags", "stays_running"),
+    *("garbage", "endless", "clock_fast", "voltage_after_end"),
 }
 
 

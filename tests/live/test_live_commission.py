@@ -75,6 +75,7 @@ def test_every_wiring_is_found(axis: int, wheel: int, voltage: int) -> None:
     assert (found.axis_sign, found.wheel_sign, found.voltage_sign) == (1, axis * wheel, axis * voltage)
 
 
+@pytest.mark.long
 def test_a_body_that_swings_is_waited_for() -> None:
     assert found_on(Wired(initial_angle=0.05)).wheel_sign == 1
 

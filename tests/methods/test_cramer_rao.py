@@ -68,6 +68,7 @@ def test_it_falls_with_noise_and_rises_with_unknowns() -> None:
     assert cramer_rao(log, PAPER)["inertia"] == pytest.approx(one, rel=0.05)
 
 
+@pytest.mark.long
 def test_output_error_scatters_as_the_bound_says() -> None:
     """Maximum likelihood of 24 noisy logs; momentum, which needs no motor constant, scatters more."""
     told = PAPER.changed({"axis.inertia": None, "axis.friction": None})

@@ -144,7 +144,8 @@ def test_while_processes_draw(started, log, tmp_path, beside, group):
     assert not target.exists()
 
 
-@pytest.mark.parametrize(("seconds", "group"), quick_first(1, [(1.0, True), (0.7, True), (1.0, False)]))
+@pytest.mark.long
+@pytest.mark.parametrize(("seconds", "group"), [(0.7, True), (1.0, True), (1.0, False)])
 def test_a_large_log(started, tmp_path, seconds, group):
     path = write_large_log(tmp_path / "log.parquet", 6_000_000)
     (tmp_path / "rig.toml").write_text(GIVEN.text)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from long_cases import quick_first
+
 LOG = ["--reference", "sine 0.8 rad 8.5 rad/s", "--duration", "12"]
 HEAVY = {"numpy", "scipy", "numba", "pint", "matplotlib", "pyarrow", "jinja2", "pydantic"}
 
@@ -35,7 +37,7 @@ def test_import_alone_does_not_even_import_typer(tmp_path: Path) -> None:
     assert {name for name in loaded if name.startswith("swingid")} == {"swingid"}
 
 
-@pytest.mark.parametrize("method", ["momentum", "energy"])
+@pytest.mark.parametrize("method", quick_first(1, ["momentum", "energy"]))
 def test_methods_import_only_what_they_need(tmp_path: Path, method: str) -> None:
     """Nothing is compiled for them either, which would take seconds in the first process."""
     from swingid.cli import main

@@ -32,7 +32,7 @@ def simulated(runs: int, folder: str, workers: int | None) -> str:
     """The tables of the campaign."""
     plan = load_plan("trust").with_runs(runs)
     run_campaign(plan, folder, workers=workers)
-    return "\n".join(markdown(table) for table in trust_tables(plan, summarise(plan, folder).columns))
+    return "\n".join(markdown(table.texts()) for table in trust_tables(plan, summarise(plan, folder).columns))
 
 
 def clean(runs: int, folder: str, workers: int | None) -> str:
@@ -67,7 +67,7 @@ def foreign(data: Path, kept: Path | None) -> dict[str, str]:
     }
 
 
-def markdown(table: Sequence[tuple[str, ...]]) -> str:
+def markdown(table: Sequence[Sequence[str]]) -> str:
     """A table of the page, its first row the heading."""
     head, *rows = (f"| {' | '.join(row)} |" for row in table)
     return "\n".join([head, "|" + "---|" * len(table[0]), *rows, ""])

@@ -37,7 +37,7 @@ from swingid.live.machine import Machine, most_taken
 from swingid.live.plant import Plant, board_of
 from swingid.live.session import Reason, Session
 from swingid.recording.recording import Recording
-from swingid.report.tables import log_rows
+from swingid.report.tables import recording_table
 
 IMAGE = (FIRMWARE / "images" / "nucleo.bin").read_bytes()
 BOARD = replace(board_of(RIG, firmware=zlib.crc32(IMAGE)), most_order=3)
@@ -133,7 +133,7 @@ def test_commissioning_and_the_papers_experiment_on_the_image_give_the_inertia(t
     late = identify(Recording.load(tmp_path / "run.mcap", timed), timed)
     assert abs(late.inertia.value / 3.022e-3 - 1) < 2e-4  # common to both angles, which cancels
     assert not chip.enabled()
-    rows = {row.words: row.value for row in log_rows(log, result)}
+    rows = dict(recording_table(log, result).rows)
     assert rows["device"].endswith(f"firmware {zlib.crc32(IMAGE):08x}")
 
 

@@ -301,5 +301,5 @@ def test_the_checks_that_ran_stand_with_what_they_found() -> None:
 
 def test_nested_data_is_shown_without_the_brackets_of_python():
     data = {"scale": np.float64(0.15), "part": [15.379858382443523, 20.0], "empty": [], "repairs": [{"what": "gap"}]}
-    found = {row.words: row.value for row in tables.flat_rows(data)}
+    found = {words: cell.key for words, cell in tables.metadata_table(data).rows}
     assert found == {"scale": "0.15", "part": "15.37986, 20", "repairs": "what gap"}

@@ -141,7 +141,7 @@ def test_every_method_says_what_it_rests_on():
     for method in METHODS:
         assert assumptions(method, rig, clean_result()).scale == "wheel inertia"
     assert assumptions("energy", rig, clean_result()).motor
-    assert assumptions("momentum", rig, clean_result()).words() == "wheel inertia, b"
+    assert assumptions("momentum", rig, clean_result()).words() == "wheel inertia, gravity torque"
 
 
 def test_forest_shows_each_answer_at_its_error(comparison):

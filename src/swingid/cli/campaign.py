@@ -83,7 +83,7 @@ def _kept(plan: Plan, folder: Path) -> str:
 
 def _ready() -> str:
     from swingid.study.campaign.loading import described
-    from swingid.study.output import aligned
+    from swingid.table import aligned
 
     return "\n".join(aligned([(name, takes, about) for name, about, takes in described()]))
 

@@ -7,7 +7,6 @@ whose estimate is 0, with the sensitivity coefficient 1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from swingid.format import common_exponent, interval, number, percent, power_of_
 from swingid.report.words import RIG, parameter_word
 from swingid.result.result import Result
 from swingid.result.summary import freedom_text, sorted_budget
+from swingid.table import Cell, Column, Table
 from swingid.uncertainty.budget import BudgetEntry, Parameter, combined
 from swingid.uncertainty.freedom import MANY
 from swingid.units import Quantity
@@ -32,29 +32,12 @@ SENSOR_UNITS = {"latency": "s", "cosine": "rad", "sine": "rad", "clock": ""}
 
 
 @dataclass(frozen=True)
-class Line:
-    """One input quantity of a budget as texts, in the order of the columns."""
-
-    quantity: str
-    key: str
-    estimate: str
-    uncertainty: str
-    type: str
-    distribution: str
-    sensitivity: str
-    contribution: str
-    share: str
-    freedom: str
-
-
-@dataclass(frozen=True)
 class Budget:
-    """The budget of one parameter: its lines, the unit of the contributions, and the result with U and k."""
+    """The budget of one parameter: its table, and the result with U and k."""
 
     name: str
     words: str
-    unit: str
-    lines: tuple[Line, ...]
+    table: Table
     combined: str
     freedom: str
     factor: str
@@ -81,16 +64,15 @@ def _budget(
     lines = [_line(one, parameter, exponent, total, result, rig, linear=linear) for one in shown]
     if rest:
         u = combined(rest, name)
-        cells = _scaled(u, exponent), _share(u, total)
-        lines.append(Line(f"{len(rest)} smaller ones together", "", "", "", "", "", "", *cells, ""))
+        sums = _scaled(u, exponent), _share(u, total)
+        lines.append((f"{len(rest)} smaller ones together", *("",) * 5, *sums, ""))
     word = parameter_word(name, linear=linear)
     power = f"{power_of_ten(exponent)} " if exponent else ""
     k = parameter.coverage_factor or 0.0
     return Budget(
         name,
-        f"{word.words} {word.symbol}".strip(),
-        f"{power}{pretty_unit(parameter.unit)}".strip(),
-        tuple(lines),
+        str(word),
+        Table(_columns(f"{power}{pretty_unit(parameter.unit)}".strip()), tuple(lines), "wide budget"),
         number(parameter.standard_uncertainty or 0.0, parameter.unit, 2, fine=True),
         freedom_text(parameter),
         f"{k:.2f}",
@@ -110,7 +92,7 @@ def _line(
     rig: Rig | None,
     *,
     linear: bool,
-) -> Line:
+) -> tuple[str | Cell, ...]:
     key = entry.shared_id or entry.source
     word = RIG.get(key)
     unit = word.unit_on(linear=linear) if word else SENSOR_UNITS.get(key.rpartition(".")[2], "")
@@ -123,9 +105,8 @@ def _line(
         estimate, c = "0", "1"
         u = number(entry.standard_uncertainty, parameter.unit, 2, fine=True)
     freedom = entry.origin.degrees_of_freedom
-    return Line(
-        f"{word.words} {word.symbol}".strip() if word else entry.source,
-        key if word and entry.sensitivity else "",
+    return (
+        Cell(str(word) if word else entry.source, key if word and entry.sensitivity else ""),
         estimate,
         u,
         entry.type,
@@ -162,9 +143,14 @@ def _stated(key: str, result: Result, rig: Rig | None) -> float | None:
     return place.value if isinstance(place, Quantity) else None
 
 
-def headings(budget: Budget) -> Sequence[str]:
-    """Headings of the columns of a budget."""
+def _columns(unit: str) -> tuple[Column, ...]:
+    """Columns of a budget; unit: of the contributions."""
+    words = (Column("type", "", True), Column("distribution", "", True))
+    first, last = ("estimate x", "u(x)"), ("c", f"c u(x), {unit}", "share of u²", "ν")
+    numbers = {heading: Column(heading, "number", True) for heading in (*first, *last)}
     return (
-        *("input quantity X", "estimate x", "u(x)", "type", "distribution", "c"),
-        *(f"c u(x), {budget.unit}", "share of u²", "ν"),
+        Column("input quantity X", "text"),
+        *(numbers[one] for one in first),
+        *words,
+        *(numbers[one] for one in last),
     )

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,13 +12,13 @@ from swingid.report.page import filled, picture, write_page
 from swingid.report.pdf import Head
 from swingid.report.style import house_style
 from swingid.system import write_whole
+from swingid.table import Cell, Column, Table, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from swingid.model.rig import Rig
     from swingid.study.campaign import Summary
-    from swingid.study.campaign.summary import Cell
     from swingid.study.compare import Comparison
     from swingid.study.inspect import Inspection
     from swingid.study.validate import Validation
@@ -54,6 +52,9 @@ LEVEL_WORDS = {
     "fault": "fault",
 }
 
+LONG = 24
+"""Characters from which the name of a column of a log may break."""
+
 ORDER = ("fault", "repair", "advice")
 
 VERDICTS = {
@@ -66,29 +67,19 @@ VERDICTS = {
 
 def write_campaign(summary: Summary, path: str | Path) -> Path:
     """Write the page of `summary` to `path` and return it. Raises InputError when the file cannot be written."""
-    from swingid.study.campaign.summary import cell_name, figures, used_headings
+    from swingid.study.campaign.summary import statistics_table
     from swingid.study.output import counted
 
-    def tabled(cells: Sequence[Cell], headings: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
-        return [(cell_name(cell), figures(cell.statistics, headings, fine=True)) for cell in cells]
-
     plan = summary.plan
-    by_factor = []
-    for factor in plan.tables.factors:
-        cells = [cell for cell in summary.by_level if cell.factor == factor]
-        headings = used_headings(cells)
-        levels = [(level, tabled(list(own), headings)) for level, own in groupby(cells, key=lambda cell: cell.level)]
-        by_factor.append({"factor": factor, "headings": headings, "levels": levels})
-    headings = used_headings(summary.overall)
+    levels = {factor: [cell for cell in summary.by_level if cell.factor == factor] for factor in plan.tables.factors}
     page = filled(
         "campaign.html.j2",
         plan=plan.tables,
         source=plan.source,
         summary=summary,
         points=len({int(point) for point in summary.columns["point"]}),
-        headings=headings,
-        overall=tabled(summary.overall, headings),
-        tables=by_factor,
+        overall=statistics_table(summary.overall, fine=True),
+        tables=[statistics_table(cells, factor, fine=True) for factor, cells in levels.items() if cells],
         messages=list(summary.refusals_and_warnings()),
         failed=counted(summary.failures, summary.trials) if summary.failures else "",
         pictures=_campaign_pictures(summary),
@@ -126,29 +117,35 @@ def _campaign_pictures(summary: Summary) -> list[tuple[str, str, str]]:
 
 def write_comparison(comparison: Comparison, rig: Rig, path: str | Path) -> Path:
     """Write the page of `comparison` to `path` and return it. Raises InputError when the file cannot be written."""
-    from swingid.study.compare.comparison import answer_cells, friction_text
+    from swingid.study.compare.comparison import tables_of
 
     with house_style():
         forest = picture(draw_forest(comparison), "forest", "Inertia by method")
-    tables = [
-        {
-            "log": log,
-            "known": any(t.truth is not None for t in comparison.of(log)),
-            "rows": [(answer_cells(t, fine=True), friction_text(t.result, fine=True)) for t in comparison.of(log)],
-            "messages": comparison.messages(log),
-            "verdict": next(v.message for v in comparison.verdicts if v.log == log),
-        }
-        for log in comparison.logs
-    ]
+    logs = []
+    for log in comparison.logs:
+        trials = comparison.of(log)
+        answers, friction = tables_of(trials, fine=True)
+        verdict = next(v.message for v in comparison.verdicts if v.log == log)
+        messages = comparison.messages(log)
+        logs.append({"name": log, "answers": answers, "friction": friction, "verdict": verdict, "messages": messages})
     return write_page(
-        filled("comparison.html.j2", rig=rig, tables=tables, forest=forest), path, Head("Comparison of methods")
+        filled("comparison.html.j2", rig=rig, logs=logs, forest=forest), path, Head("Comparison of methods")
     )
+
+
+def _columns(found: Inspection) -> Table:
+    """The columns of a log."""
+    from swingid.study.inspect.inspection import columns_table
+
+    rows: list[tuple[str | Cell, ...]] = [
+        (Cell(name, form="name" if len(name) < LONG else "text"), *rest) for name, *rest in columns_table(found)
+    ]
+    words = plain("column", "seems to be", "type", "unit")
+    return Table((*words, Column("range", "number"), Column("first values", "text")), tuple(rows))
 
 
 def write_inspection(found: Inspection, path: str | Path) -> Path:
     """Write the page of `found` to `path` and return it. Raises InputError when the file cannot be written."""
-    from swingid.study.inspect.inspection import columns_table
-
     with house_style():
         drawn = picture(draw_inspection(found), "inspection", "The log at a glance")
     status, answer = VERDICTS[found.verdict.status]
@@ -160,8 +157,15 @@ def write_inspection(found: Inspection, path: str | Path) -> Path:
         status=status,
         answer=answer,
         todo=[check for level in ORDER for check in found.checks if check.level == level],
-        levels=LEVEL_WORDS,
-        columns=columns_table(found),
+        checks=Table(
+            (Column(form="level"), Column(form="title"), Column(form="text")),
+            tuple((Cell(LEVEL_WORDS[one.level], form=one.level), one.title, one.evidence) for one in found.checks),
+        ),
+        services=Table(
+            (Column("method", "name"), Column("time", "number", True), Column("what takes the rest", "text", True)),
+            tuple((one.method, f"{one.seconds:.4g} s", one.why) for one in found.services),
+        ),
+        columns=_columns(found),
     )
     return write_page(page, path, Head("Inspection of a log", found.sha256[:12]))
 
@@ -193,11 +197,19 @@ def write_validation(validation: Validation, rig: Rig, path: str | Path) -> Path
     """Write the page of `validation` to `path` and return it. Raises InputError when the file cannot be written."""
     from swingid.study.validate import cells
 
+    columns = (
+        Column("driven by", "", True),
+        *(
+            Column(heading, "number", True)
+            for heading in ("fit, free run", "fit, one swing ahead", "its error, RMS", "sensor noise")
+        ),
+    )
     logs = []
     with house_style():
         for k, prediction in enumerate(validation.predictions):
             figure = draw_validation(prediction, linear=validation.linear)
             svg = picture(figure, f"validation{k}", f"Measured and predicted angle of {prediction.log}")
-            logs.append({"cells": cells(prediction, linear=validation.linear, fine=True), "svg": svg})
+            name, *row = cells(prediction, linear=validation.linear, fine=True)
+            logs.append({"name": name, "table": Table(columns, (tuple(row),)), "svg": svg})
     page = filled("validation.html.j2", rig=rig, logs=logs, method=validation.method, notes=validation.notes)
     return write_page(page, path, Head("Validation"))

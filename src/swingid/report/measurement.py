@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from swingid.format import interval
 from swingid.report import tables
-from swingid.report.budget import budgets, headings
+from swingid.report.budget import budgets
 from swingid.report.certificate import Certificate, stated_rows
 from swingid.report.figures.estimates import (
     draw_budget,
@@ -25,7 +25,8 @@ from swingid.report.style import house_style
 from swingid.report.words import DRIVES, KINDS, parameter_word
 from swingid.result.brief import value_and_reach
 from swingid.result.result import Result
-from swingid.result.summary import freedom_text, log_row, relative, segment_text, value_text, why_unknown
+from swingid.result.summary import freedom_text, relative, segment_text, value_text, why_unknown
+from swingid.table import pairs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -123,43 +124,42 @@ def _context(
 ) -> dict[str, object]:
     linear = rig.axis.kind == "linear" if rig else "inertia" in result.parameters and result.inertia.unit == "kg"
     answered = result.status != "refused"
-    laws, more_laws = tables.law_rows(result)
+    laws, more_laws = tables.law_table(result)
     return {
         "result": result,
         "status_words": STATUS[result.status],
         "kind": kind_of(result, certificate),
         "title": _title(result, log),
-        "identification": _identification(result, certificate, issued),
+        "identification": pairs(_identification(result, certificate, issued)),
         "accredited": certificate is not None and certificate.accredited,
         "stated": certificate is not None,
-        "method": tables.method_rows(result, rig),
+        "method": tables.method_table(result, rig),
         "answer": _answer(result, linear=linear) if result.leading in result.parameters else None,
         "linear": linear,
         "segment": segment_text(result.details, fine=True) if result.details else "",
-        "parameters": tables.parameter_rows(result, linear=linear),
+        "parameters": tables.parameter_table(result, linear=linear),
         "rig": rig if answered else None,
         "drive": DRIVES.get(rig.drive.kind, rig.drive.kind) if rig else "",
-        "rig_rows": tables.rig_rows(rig) if rig and answered else [],
-        "sensor_rows": tables.sensor_rows(rig) if rig and answered else [],
-        "log_rows": tables.log_rows(log, result) if log is not None and answered else [],
+        "rig_rows": tables.rig_table(rig) if rig and answered else None,
+        "sensor_rows": tables.sensor_table(rig) if rig and answered else None,
+        "log_rows": tables.recording_table(log, result) if log is not None and answered else None,
         "laws": laws,
         "more_laws": more_laws,
-        "law": result.details.friction.law if result.details and result.details.friction else "",
         "kinds": [
             (name, KINDS[name]) for name in (result.details.estimates if result.details else ()) if name in KINDS
         ],
-        "logs": [log_row(one, result, fine=True) for one in result.per_log],
-        "budgets": [(one, headings(one)) for one in budgets(result, rig, linear=linear)] if answered else [],
-        "checks": tables.check_rows(result),
-        "distributions": tables.distribution_rows(result),
-        "drawn": result.monte_carlo,
-        "correlations": tables.correlation_rows(result),
-        "extra": tables.extra_rows(result),
-        "agreement": tables.agreement_rows(result),
+        "logs": tables.log_table(result, "mass" if linear else "inertia"),
+        "budgets": budgets(result, rig, linear=linear) if answered else [],
+        "checks": tables.check_table(result),
+        "distributions": tables.distribution_table(result),
+        "draws": result.monte_carlo,
+        "correlations": tables.correlation_table(result),
+        "extra": tables.extra_table(result),
+        "agreement": tables.agreement_table(result),
         "swings_off": tables.swings_off(result),
         "figures": _drawn(result, log, linear=linear) if answered else {},
-        "provenance": tables.provenance_rows(result),
-        "making": tables.flat_rows(log.metadata) if log is not None and answered else [],
+        "provenance": tables.provenance_table(result),
+        "making": tables.metadata_table(log.metadata) if log is not None and answered else None,
         "wheel": log is not None and log.wheel_angle is not None,
         "friction_stated": bool(rig and (rig.axis.inertia is not None or rig.axis.friction.model_fields_set)),
     }

@@ -14,7 +14,8 @@ from swingid.numerics.arrays import Array
 from swingid.report.page import filled, write_page
 from swingid.report.style import envelope, house_style, legend_above, new_figure, to_svg
 from swingid.result.plot import BLUE, GREY, INK, PALE, VERMILION
-from swingid.study.reproduce.tables import Table, tables
+from swingid.study.reproduce.tables import tables
+from swingid.table import Cell, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,6 +65,9 @@ Channel = Callable[["Run"], tuple[Array, Array]]
 
 CLOSE = (20.0, 22.0)
 
+WORDS = 22
+"""Characters from which a cell is words, not a number with its unit."""
+
 STYLES: dict[str, dict[str, Any]] = {
     "plain": {"color": BLUE, "ls": "-", "lw": 1.2, "label": "without body, 0.8 sin 8.5t"},
     "body": {"color": VERMILION, "ls": (0, (5, 2)), "lw": 1.2, "label": "with body, 0.8 sin 6t"},
@@ -84,24 +88,32 @@ def write_paper(results: dict[str, Any], figures: list[Drawing], path: str | Pat
     """
     from markupsafe import Markup
 
-    from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY
-
-    # the page may stand far from this project: without the names of its tests
-    found = [
-        replace(table, head=table.head[:-1], rows=tuple(row[:-1] for row in table.rows), caption="")
-        if table.key == "unclear"
-        else table
-        for table in tables(results)
-    ]
     page = filled(
         "paper.html.j2",
-        tables={table.key: table for table in found},
+        tables={table.key: _of_page(table) for table in tables(results)},
         figures={figure.number: Markup(figure.svg) for figure in figures},
         captions={figure.number: (figure.caption, figure.here) for figure in figures},
         seed=results["seed"],
-        verdicts={HOLDS: "holds", PARTLY: "part", FAILS: "fails"},
     )
     return write_page(page, path)
+
+
+def _of_page(table: Table) -> Table:
+    """A table of the page: verdicts and numbers with their forms, the misprints without the names of tests.
+
+    The page may stand far from this project.
+    """
+    from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY
+
+    verdicts = {HOLDS: "holds", PARTLY: "part", FAILS: "fails"}
+    if table.key == "unclear":
+        table = replace(table, columns=table.columns[:-1], rows=tuple(row[:-1] for row in table.rows), caption="")
+    number = {True: "number", False: ""}
+    rows = (
+        tuple(Cell(text, form=verdicts.get(text, number[k > 0 and len(text) < WORDS])) for k, text in enumerate(row))
+        for row in table.texts()[1:]
+    )
+    return replace(table, rows=tuple(rows))
 
 
 def with_tables(text: str, results: dict[str, Any]) -> str:
@@ -110,21 +122,7 @@ def with_tables(text: str, results: dict[str, Any]) -> str:
     A table goes between `<!-- table: KEY -->` and `<!-- end -->`. Raises KeyError for a key that no table has.
     """
     made = {table.key: table for table in tables(results)}
-    return MARKS.sub(lambda match: f"{match[1]}\n{as_markdown(made[match[2]])}\n{match[3]}", text)
-
-
-def as_markdown(table: Table) -> str:
-    """Caption and table."""
-    lines = ["| " + " | ".join(_escaped(cell) for cell in row) + " |" for row in (table.head, *table.rows)]
-    lines.insert(1, "|" + "---|" * len(table.head))
-    caption = [_escaped(table.caption), ""] if table.caption else []
-    return "\n".join([*caption, *lines]) + "\n"
-
-
-def _escaped(cell: str) -> str:
-    if cell.startswith("`"):  # code, in which nothing is escaped
-        return cell
-    return cell.replace("|", "\\|").replace("*", "\\*").replace("_", "\\_")
+    return MARKS.sub(lambda match: f"{match[1]}\n{made[match[2]].markdown()}\n{match[3]}", text)
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,9 @@
-"""The tables of the report as rows of text; the template lays them out."""
+"""The tables of the report of a result."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,11 +18,13 @@ from swingid.result.summary import (
     AGREEMENT,
     correlated_pairs,
     freedom_text,
+    log_row,
     relative,
     segment_text,
     value_text,
     why_unknown,
 )
+from swingid.table import Cell, Column, Table, pairs
 from swingid.uncertainty.budget import Parameter
 from swingid.uncertainty.freedom import MANY
 from swingid.units import Quantity
@@ -39,18 +40,6 @@ UNCHANGED = {("wheel-angle-reading", "note")}
 
 LONGEST = 160
 """Characters of a provenance or metadata value beyond which only its size is given."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of a table: what, its name in files, its value, how sure, a remark or interval."""
-
-    words: str
-    key: str
-    value: str
-    spread: str = ""
-    remark: str = ""
-    bounded: bool = False
 
 
 def swings_off(result: Result) -> str:
@@ -72,25 +61,31 @@ def swings_off(result: Result) -> str:
     )
 
 
-def parameter_rows(result: Result, *, linear: bool) -> list[Row]:
+VALUE = Column("value ± standard uncertainty", "value-cell")
+
+
+def parameter_table(result: Result, *, linear: bool) -> Table:
     """Identified parameters with relative uncertainty and 95 % interval."""
     rows = []
     for name, parameter in result.parameters.items():
-        word = parameter_word(name, linear=linear)
         bounds = parameter.interval95
-        rows.append(
-            Row(
-                words=f"{word.words} {word.symbol}".strip(),
-                key=name,
-                value=value_text(parameter, fine=True),
-                spread=relative(parameter, fine=True),
-                remark=interval(bounds, middle=parameter.value, fine=True) + _coverage(parameter)
-                if bounds
-                else f"uncertainty unknown: {why_unknown(result, name)}",
-                bounded=bounds is not None,
-            )
-        )
-    return rows
+        ends = interval(bounds, middle=parameter.value, fine=True) + _coverage(parameter) if bounds else ""
+        reach = ends or f"uncertainty unknown: {why_unknown(result, name)}"
+        words = str(parameter_word(name, linear=linear))
+        rows.append((Cell(words, name), value_text(parameter, fine=True), relative(parameter, fine=True), reach))
+    columns = (Column("parameter"), VALUE, Column("relative", "number", True), Column("95 % interval", "", True))
+    return Table(columns, tuple(rows))
+
+
+def log_table(result: Result, body: str) -> Table:
+    """What each of several logs says of the inertia, and how far it is off; body: "inertia" or "mass"."""
+    columns = (
+        Column("log", "text"),
+        Column(f"{body} ± standard uncertainty", "value-cell"),
+        Column("from the answer", "number"),
+        Column("", "text"),
+    )
+    return Table(columns, tuple(tuple(log_row(one, result, fine=True)) for one in result.per_log))
 
 
 def _coverage(parameter: Parameter) -> str:
@@ -100,27 +95,26 @@ def _coverage(parameter: Parameter) -> str:
     return f" (k = {parameter.coverage_factor:.2f}, ν = {freedom_text(parameter)})"
 
 
-def rig_rows(rig: Rig) -> list[Row]:
+def rig_table(rig: Rig) -> Table:
     """Every constant that the rig states and identification may use, in the order of rig.toml."""
     linear = rig.axis.kind == "linear"
     rows = []
     for key, value in _constants(rig):
         word = RIG.get(key, Word(key.rpartition(".")[2].replace("_", " ")))
         unit = word.unit_on(linear=linear)
-        words = f"{word.words} {word.symbol}".strip()
         if key.startswith(NOT_USED) or (linear and key == "axis.gravity_torque"):
             continue
         if isinstance(value, Quantity):
             known = "exact"
             if value.std:
                 known = percent(value.std / abs(value.value), fine=True) if value.value else ""
-            rows.append(Row(words, key, plus_minus(value.value, value.std, unit, fine=True), known))
+            shown = plus_minus(value.value, value.std, unit, fine=True)
         elif value == "unknown":
-            rows.append(Row(words, key, "unknown, identified with the inertia"))
+            shown, known = "unknown, identified with the inertia", ""
         else:
-            exact = "" if key.endswith("_limit") else "exact"
-            rows.append(Row(words, key, _plain_constant(value, unit), exact))
-    return rows
+            shown, known = _plain_constant(value, unit), "" if key.endswith("_limit") else "exact"
+        rows.append((Cell(str(word), key), shown, known))
+    return Table((Column("constant"), VALUE, Column("relative", "number")), tuple(rows))
 
 
 def _constants(rig: Rig) -> Iterator[tuple[str, object]]:
@@ -156,7 +150,7 @@ def _plain_constant(value: object, unit: str) -> str:
     return str(value)
 
 
-def sensor_rows(rig: Rig) -> list[Row]:
+def sensor_table(rig: Rig) -> Table:
     """What the rig states of its sensors, angle and wheel; what is zero is left out."""
     linear = rig.axis.kind == "linear"
     channels = {"position" if linear else "angle": rig.sensors.of("angle")}
@@ -171,8 +165,8 @@ def sensor_rows(rig: Rig) -> list[Row]:
             text = _sensor_text(getattr(sensor, name), word.unit_on(linear=linear))
             if text:
                 texts.setdefault(text, []).append(called)
-        rows += [Row(f"{word.words}, {' and '.join(called)}", name, text) for text, called in texts.items()]
-    return rows
+        rows += [(f"{word.words}, {' and '.join(called)}", text) for text, called in texts.items()]
+    return Table((Column("sensor"), Column("as stated", "value-cell")), tuple(rows), "")
 
 
 def _sensor_text(value: object, unit: str) -> str:
@@ -181,46 +175,47 @@ def _sensor_text(value: object, unit: str) -> str:
     return number(float(value), unit, 3, fine=True) if isinstance(value, int | float) and value else ""
 
 
-def log_rows(log: Recording, result: Result) -> list[Row]:
+def recording_table(log: Recording, result: Result) -> Table:
     """Size and rate of the log, whether a twin made it, and the error of the result against the twin's inertia."""
-    rows = [Row("file", "", log.source.path or "made in memory"), Row("rows", "", f"{len(log):,}".replace(",", " "))]
+    rows = [("file", log.source.path or "made in memory"), ("rows", f"{len(log):,}".replace(",", " "))]
     if len(log) > 1:
         span = f"{log.time[0]:.4g} s to {log.time[-1]:.4g} s"
-        rows.append(Row("time", "", f"{span}, {number(log.rate, '', 4)} rows per second"))
+        rows.append(("time", f"{span}, {number(log.rate, '', 4)} rows per second"))
     if log.voltage is not None or log.torque is not None:
         held = "held from each row to the next" if log.drive_held else "measured at each row"
-        rows.append(Row("voltage" if log.voltage is not None else "drive", "", held))
+        rows.append(("voltage" if log.voltage is not None else "drive", held))
     if log.metadata.get("made_by"):
-        rows.append(Row("made by", "", str(log.metadata["made_by"])))
+        rows.append(("made by", str(log.metadata["made_by"])))
     run = log.metadata.get("run")
     if isinstance(run, dict) and run.get("firmware"):
-        rows.append(Row("device", "", f"{run.get('device', '')}, firmware {run['firmware']}"))
-    truth = truth_row(result, log)
-    return [*rows, truth] if truth else rows
+        rows.append(("device", f"{run.get('device', '')}, firmware {run['firmware']}"))
+    return pairs([*rows, *_truth(result, log)])
 
 
-def law_rows(result: Result, most: int = 8) -> tuple[list[tuple[str, str]], int]:
+def law_table(result: Result, most: int = 8) -> tuple[Table, int]:
     """Friction laws tried, best first, with the distance of their criterion; and how many are left out."""
     curve = result.details.friction if result.details else None
     ranked = sorted(curve.candidates.items(), key=lambda item: item[1]) if curve else []
     rows = [(name, f"+{score - ranked[0][1]:.1f}" if k else "0") for k, (name, score) in enumerate(ranked[:most])]
-    return rows, max(0, len(ranked) - most)
+    chosen = next((k for k, (name, _) in enumerate(rows) if curve and name == curve.law), None)
+    columns = (Column("law"), Column("information criterion, from the best", "number"))
+    return Table(columns, tuple(rows), "", chosen=chosen), max(0, len(ranked) - most)
 
 
-def extra_rows(result: Result) -> list[Row]:
+def extra_table(result: Result) -> Table:
     """Further figures of merit that the method gives, as shares where they are known to be shares."""
     extra = result.details.extra if result.details else {}
-    return [
-        Row(
+    rows = [
+        (
             EXTRA.get(name, name.replace("_", " ")),
-            "",
             percent(value, fine=True) if name in EXTRA else number(value, fine=True),
         )
         for name, value in extra.items()
     ]
+    return pairs(rows, "number")
 
 
-def agreement_rows(result: Result) -> list[Row]:
+def agreement_table(result: Result) -> Table:
     """Inertias (without a scale: leading ratios) of two parts of the log; the difference in standard uncertainties."""
     found = result.details.agreement if result.details else ()
     unit = result.main.unit if found else ""
@@ -229,19 +224,20 @@ def agreement_rows(result: Result) -> list[Row]:
     def shown(value: float, u: float) -> str:
         return plus_minus(*((1 / value, u / value**2) if inverse else (value, u)), unit, fine=True)
 
-    return [
-        Row(
+    rows = [
+        (
             DIVIDED[one.division],
-            one.division,
             shown(*one.first),
             shown(*one.second),
             number(one.difference / one.standard_uncertainty, "", 2, fine=True),
         )
         for one in found
     ]
+    parts = (Column(name, "number", True) for name in ("first", "second", "difference over u"))
+    return Table((Column("parts", "text"), *parts), tuple(rows), "wide budget")
 
 
-def distribution_rows(result: Result) -> list[Row]:
+def distribution_table(result: Result) -> Table:
     """Each parameter by propagation of distributions: value, shortest interval, and the comparison in words."""
     found = result.monte_carlo.parameters if result.monte_carlo else {}
     rows = []
@@ -250,12 +246,18 @@ def distribution_rows(result: Result) -> list[Row]:
         value = plus_minus(one.mean, one.standard_uncertainty, unit, fine=True)
         ends = interval(one.interval95, middle=one.mean, fine=True)
         tolerance = number(one.tolerance, unit, 2, fine=True)
-        rows.append(Row(name, "", value, ends, f"{AGREEMENT[one.agrees]} (δ = {tolerance})"))
-    return rows
+        rows.append((Cell("", name), value, ends, f"{AGREEMENT[one.agrees]} (δ = {tolerance})"))
+    columns = (
+        Column("parameter"),
+        Column("mean ± standard uncertainty", "value-cell"),
+        Column("shortest 95 % interval", "number", True),
+        Column("comparison", "text"),
+    )
+    return Table(columns, tuple(rows))
 
 
-def check_rows(result: Result) -> list[Row]:
-    """Consistency checks that the identification carried out, and what each found; [] where none is recorded."""
+def check_table(result: Result) -> Table:
+    """Consistency checks that the identification carried out, and what each found; empty where none is recorded."""
     found = [(m.code, "warning") for m in result.warnings] + [(m.code, "note") for m in result.notes]
     rows = []
     for name in result.details.checks if result.details else ():
@@ -263,30 +265,32 @@ def check_rows(result: Result) -> list[Row]:
         codes = [(code, level) for code, level in found if code in one.codes and (code, level) not in UNCHANGED]
         levels = {level for _, level in codes}
         outcome = next((level for level in ("warning", "note") if level in levels), "passed")
-        rows.append(Row(one.words, name, outcome, remark=", ".join(dict.fromkeys(code for code, _ in codes))))
-    return rows
+        said = ", ".join(dict.fromkeys(code for code, _ in codes))
+        rows.append((one.words, Cell(outcome, form=f"check-{outcome}"), Cell("", said)))
+    return Table((Column("check", "text"), Column("found", "name", True), Column("message", "text")), tuple(rows))
 
 
-def method_rows(result: Result, rig: Rig | None) -> list[Row]:
+def method_table(result: Result, rig: Rig | None) -> Table:
     """The method, its options, the corrections that were made and the repairs of the log."""
     origin = result.provenance
-    rows = [Row("method", result.method, METHODS.get(result.method, ""))]
+    words = METHODS.get(result.method, "")
+    rows = [("method", f"{result.method}: {words}" if words else result.method)]
     options = origin.get("options")
     if isinstance(options, dict) and options:
-        rows.append(Row("options", "", ", ".join(f"{key} = {value}" for key, value in options.items())))
+        rows.append(("options", ", ".join(f"{key} = {value}" for key, value in options.items())))
     if result.details:
-        rows.append(Row("part used", "", segment_text(result.details, fine=True)))
+        rows.append(("part used", segment_text(result.details, fine=True)))
     decided = origin.get("preparation")
     corrections = decided.get("corrections") if isinstance(decided, dict) else None
     if isinstance(corrections, list) and corrections:
-        rows.append(Row("corrections", "", "; ".join(_correction(one) for one in corrections)))
+        rows.append(("corrections", "; ".join(_correction(one) for one in corrections)))
     repairs = origin.get("repairs")
     done = [str(one.get("what")) for one in repairs if one.get("done")] if isinstance(repairs, list) else []
     if done:
-        rows.append(Row("repairs of the log", "", " ".join(done)))
+        rows.append(("repairs of the log", " ".join(done)))
     if rig is not None:
-        rows.append(Row("rig", "", f"{rig.name}: {rig.axis.kind} axis, {DRIVES.get(rig.drive.kind, rig.drive.kind)}"))
-    return rows
+        rows.append(("rig", f"{rig.name}: {rig.axis.kind} axis, {DRIVES.get(rig.drive.kind, rig.drive.kind)}"))
+    return pairs(rows)
 
 
 def _correction(one: dict[str, Any]) -> str:
@@ -299,36 +303,37 @@ def _correction(one: dict[str, Any]) -> str:
     return f"{one['channel']} {str(one['kind']).replace('_', ' ')} {size}".strip() + f", {one['origin']}"
 
 
-def correlation_rows(result: Result) -> list[Row]:
+def correlation_table(result: Result) -> Table:
     """Pairs of parameters whose errors go together, the strongest first."""
-    return [Row(one, two, f"{r:+.2f}".replace("-", "−")) for one, two, r in correlated_pairs(result)]
+    columns = (Column("parameter"), Column("and"), Column("correlation coefficient", "number"))
+    rows = [(Cell("", one), Cell("", two), f"{r:+.2f}".replace("-", "−")) for one, two, r in correlated_pairs(result)]
+    return Table(columns, tuple(rows), "")
 
 
-def truth_row(result: Result, log: Recording) -> Row | None:
-    """Return, for a log of the twin, the inertia it was made with, and how far the answer is off."""
+def _truth(result: Result, log: Recording) -> Iterator[tuple[str, str]]:
+    """Yield, for a log of the twin, the inertia it was made with and how far the answer is off."""
     truth = log.metadata.get("truth")
     inertia = truth.get("inertia") if isinstance(truth, dict) else None
-    if not isinstance(inertia, int | float) or not inertia or "inertia" not in result.parameters:
-        return None
-    off = percent(result.inertia.value / inertia - 1, sign=True, fine=True)
-    text = f"{number(inertia, result.inertia.unit, 6, fine=True)}; the error of the estimate is {off}"
-    return Row("the twin's truth", "", text)
+    if isinstance(inertia, int | float) and inertia and "inertia" in result.parameters:
+        off = percent(result.inertia.value / inertia - 1, sign=True, fine=True)
+        text = f"{number(inertia, result.inertia.unit, 6, fine=True)}; the error of the estimate is {off}"
+        yield "the twin's truth", text
 
 
-def provenance_rows(result: Result) -> list[Row]:
+def provenance_table(result: Result) -> Table:
     """Files, hashes, options, and the versions in one line."""
     data = dict(result.provenance)
     versions = data.pop("versions", None)
     data.pop("constants", None)  # they have a table of their own
-    rows = [replace(row, words=row.words.replace("_", " ")) for row in flat_rows(data)]
+    rows = [(key.replace("_", " "), Cell("", value)) for key, value in _flat(data)]
     if isinstance(versions, dict):
-        rows.append(Row("versions", "", ", ".join(f"{name} {value}" for name, value in versions.items())))
-    return rows
+        rows.append(("versions", Cell("", ", ".join(f"{name} {value}" for name, value in versions.items()))))
+    return pairs(rows)
 
 
-def flat_rows(data: object) -> list[Row]:
+def metadata_table(data: object) -> Table:
     """Nested data, as a log's metadata, line by line."""
-    return [Row(key, "", value) for key, value in _flat(data)]
+    return pairs([(key, Cell("", value)) for key, value in _flat(data)])
 
 
 def _flat(data: object, path: str = "") -> Iterator[tuple[str, str]]:

@@ -16,6 +16,10 @@ class Word:
     unit: str = ""
     linear: str | None = None
 
+    def __str__(self) -> str:
+        """'gravity torque b': the words, and the symbol if there is one."""
+        return f"{self.words} {self.symbol}".strip()
+
     def unit_on(self, *, linear: bool) -> str:
         """SI unit on this kind of axis: that of a rotary one where no other is given."""
         return self.linear if linear and self.linear is not None else self.unit

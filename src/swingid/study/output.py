@@ -1,22 +1,15 @@
-"""What a study writes: JSON of its plain data, tables and notes as lines for a terminal."""
+"""What a study writes: JSON of its plain data, and notes as lines for a terminal."""
 
 from __future__ import annotations
 
 import json
 import textwrap
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from swingid.result.data import plain
-
-WIDTH = 100
-
-NO_BREAK = "\u00a0"
-"""Keeps a value and its unit on one line."""
-
-LEAST = 30
-"""Characters that the last column has at least, however wide the others are."""
+from swingid.table import WIDTH
 
 
 class Study(ABC):
@@ -34,24 +27,6 @@ class Study(ABC):
 def json_text(data: object) -> str:
     """Data as JSON text, with null for what is not finite."""
     return json.dumps(plain(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows of cells as columns, the last one wrapped at the terminal's width."""
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = []
-    for row in rows:
-        *start, last = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        indent = "    " + "".join(cell + "  " for cell in start)
-        lines += textwrap.wrap(
-            last.rstrip() or " ",
-            max(WIDTH, len(indent) + LEAST),
-            initial_indent=indent,
-            subsequent_indent=" " * len(indent),
-            break_on_hyphens=False,
-            break_long_words=False,
-        ) or [indent.rstrip()]
-    return [line.replace(NO_BREAK, " ") for line in lines]
 
 
 def noted(notes: Iterable[str]) -> list[str]:

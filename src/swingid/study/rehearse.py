@@ -15,9 +15,10 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.study.experiment import Experiment, without_truth
 from swingid.study.faults import parse_fault, with_faults
-from swingid.study.output import Study, aligned, counted, noted
+from swingid.study.output import Study, counted, noted
 from swingid.study.trials import Expectation, Head, Row, rows_of
 from swingid.system import map_in_processes
+from swingid.table import Table, plain
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
@@ -29,7 +30,7 @@ FEWEST_RUNS = 5
 
 NO_OPTIONS: Mapping[str, object] = {}
 
-HEADINGS = ("method", "RMSE", "bias", "95 % of errors", "95 % interval", "covers", "answers")
+HEADINGS = plain("method", "RMSE", "bias", "95 % of errors", "95 % interval", "covers", "answers")
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,9 @@ class Rehearsal(Study):
 
     def summary(self) -> str:
         """One line per method for a terminal: relative errors and half-widths to expect; then refusals and notes."""
-        rows = [HEADINGS, *(_cells(e, self.runs) for e in self.expectations)]
+        table = Table(HEADINGS, tuple(_cells(e, self.runs) for e in self.expectations))
         lines = [f"[[{self.runs} runs of the twin of {self.rig}: relative error of the inertia to expect]]"]
-        lines += [*aligned(rows), ""]
+        lines += [*table.lines(), ""]
         for e in self.expectations:
             for what, codes in (("refused", e.refusals), ("warned", e.warnings)):
                 lines += [f"    {e.method} {what}: {counted(codes, self.runs)}"] if codes else []

@@ -16,7 +16,7 @@ from swingid.progress import tracked
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Recording
 from swingid.result.result import Result, refusal
-from swingid.study.output import aligned
+from swingid.table import Table, plain
 
 COLUMNS = (
     *("log", "method", "status", "parameter", "value", "standard_uncertainty", "low95", "high95", "unit"),
@@ -57,12 +57,13 @@ class ResultsTable:
 
     def summary(self) -> str:
         """A line per log and method with its leading parameter, for a terminal."""
-        lines = [("log", "method", "status", "result")]
+        rows = []
         for (log, method), result in self.results.items():
             reason = result.error.code if result.error is not None else ""
             shown = reason or f"{result.leading} {_shown(result)}"
-            lines.append((log, method, result.status, shown))
-        return "\n".join(line.rstrip() for line in aligned(lines))
+            rows.append((log, method, result.status, shown))
+        table = Table(plain("log", "method", "status", "result"), tuple(rows))
+        return "\n".join(line.rstrip() for line in table.lines())
 
 
 Load = Callable[[str], Recording | LargeLog]

@@ -40,14 +40,15 @@ from swingid.recording.recording import Recording
 from swingid.result.data import require_scale
 from swingid.result.provenance import constants
 from swingid.result.result import Result
-from swingid.study.output import Study, aligned, noted
+from swingid.study.output import Study, noted
+from swingid.table import Table, plain
 
 SCHEMA = "swingid.validate/1"
 
 POOR = 95.0
 """Fit one swing ahead, in per cent, below which a log contradicts the model."""
 
-HEADINGS = ("log", "driven by", "free run", "one swing ahead", "its error, RMS", "sensor noise")
+HEADINGS = plain("log", "driven by", "free run", "one swing ahead", "its error, RMS", "sensor noise")
 
 DRIVES = {"wheel": "measured wheel", "voltage": "voltage", "torque": "torque", "none": "nothing"}
 
@@ -119,9 +120,9 @@ class Validation(Study):
 
     def summary(self) -> str:
         """One line per log for a terminal: normalised fit of the free run and one swing ahead, error and noise."""
-        rows = [HEADINGS, *(cells(p, linear=self.linear) for p in self.predictions)]
+        table = Table(HEADINGS, tuple(cells(p, linear=self.linear) for p in self.predictions))
         head = f"[[Predictions of the model that {self.method} identified: normalised fit, 100 % is perfect]]"
-        return "\n".join([head, *aligned(rows), *noted(self.notes)])
+        return "\n".join([head, *table.lines(), *noted(self.notes)])
 
 
 def fit_percent(measured: Array, predicted: Array) -> float:

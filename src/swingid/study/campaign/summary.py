@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +17,9 @@ from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.study.campaign.plan import BASE, Plan
 from swingid.study.campaign.store import SCHEMA, Store
 from swingid.study.campaign.trust import fault_factors, trust_of, trust_tables
-from swingid.study.output import Study, aligned, counted, noted
+from swingid.study.output import Study, counted, noted
 from swingid.study.trials import Expectation
+from swingid.table import Column, Table
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -218,14 +219,14 @@ class Summary(Study):
         """Figures of every method for a terminal: over all runs, then at each level of each factor."""
         plan = self.plan
         lines = [f"[[{plan.name}: {self.trials} runs of the twin, relative errors]]"]
-        lines += _table(("method",), self.overall, lambda cell: (cell_name(cell),))
+        lines += statistics_table(self.overall).lines()
         for factor in plan.tables.factors:
             cells = [cell for cell in self.by_level if cell.factor == factor and factor not in fault_factors(plan)]
             if cells:
                 lines += ["", f"[[by {factor}]]"]
-                lines += _table((factor, "method"), cells, lambda cell: (cell.level, cell_name(cell)))
+                lines += statistics_table(cells, factor).lines()
         for table in trust_tables(plan, self.columns):
-            lines += ["", *aligned(table)]
+            lines += ["", *table.lines()]
         lines += ["", *noted(f"{what}: {codes}" for what, codes in self.refusals_and_warnings())]
         if self.failures:
             lines += noted([f"runs without a log: {counted(self.failures, self.trials)}"])
@@ -366,6 +367,13 @@ def used_headings(cells: Sequence[Cell]) -> tuple[str, ...]:
     return tuple(h for k, h in enumerate(HEADINGS) if any(row[k] for row in rows))
 
 
-def _table(names: tuple[str, ...], cells: Sequence[Cell], name: Callable[[Cell], tuple[str, ...]]) -> list[str]:
+def statistics_table(cells: Sequence[Cell], factor: str = "", *, fine: bool = False) -> Table:
+    """The figures of every method, at each level of `factor` where one is given; `fine` for pages."""
     headings = used_headings(cells)
-    return aligned([(*names, *headings), *((*name(c), *figures(c.statistics, headings)) for c in cells)])
+    rows = [(cell_name(c), *figures(c.statistics, headings, fine=fine)) for c in cells]
+    numbers = tuple(Column(heading, "number", True) for heading in headings)
+    if not factor:
+        return Table((Column("method"), *numbers), tuple(rows))
+    before = ["", *(cell.level for cell in cells)] if fine else [""] * len(cells)  # a page names a level once
+    levels = [("" if c.level == b else c.level, *row) for c, b, row in zip(cells, before, rows, strict=False)]
+    return Table((Column(factor, "level"), Column("method"), *numbers), tuple(levels), title=factor)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.table import Table, plain
+
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Bools
     from swingid.study.campaign.plan import Plan
@@ -65,7 +67,7 @@ def trust_of(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[dict[str, 
     ]
 
 
-def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[list[tuple[str, ...]]]:
+def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[Table]:
     """Make two tables for each factor with faults: by fault, worst first, and by the levels of the other factors."""
     tables = []
     methods = _levels(columns, "method")
@@ -78,13 +80,12 @@ def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[list[t
             (n for n, t in counts.items() if t.answers), key=lambda n: -counts[n].wrong / max(counts[n].ok, 1)
         )
         groups = {"nothing wrong": clean, "**any fault**": ~clean} | {name: of_fault[name] for name in ranked}
-        head = (factor, *HEADINGS, *methods)
-        tables.append([head, *(_row(name, columns, rows, methods) for name, rows in groups.items())])
+        by_fault = tuple(_row(name, columns, rows, methods) for name, rows in groups.items())
+        tables.append(Table(plain(factor, *HEADINGS, *methods), by_fault))
         others = [other for other in (*plan.tables.factors, "method") if other != factor]
         levels = {f"{o} {v}": rows for o in others for v, rows in _levels(columns, o).items()}
-        tables.append(
-            [("with a fault", *HEADINGS), *((n, *Trust.of(columns, r & ~clean).cells()) for n, r in levels.items())]
-        )
+        by_level = tuple((n, *Trust.of(columns, r & ~clean).cells()) for n, r in levels.items())
+        tables.append(Table(plain("with a fault", *HEADINGS), by_level))
     return tables
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from swingid.checks.momentum import overlapping
 from swingid.errors import SwingidError, UnanswerableError, UsageError
-from swingid.format import number, percent, plus_minus
+from swingid.format import number, percent
 from swingid.identification import identify
 from swingid.methods.table import DEFAULT, METHODS, forget_momentum, one_momentum
 from swingid.model.rig import Rig
@@ -18,9 +18,11 @@ from swingid.numerics.cache import kept_kernels
 from swingid.pooling.selected import each_part, parts_of
 from swingid.progress import tracked
 from swingid.recording.recording import Recording
+from swingid.result.brief import value_and_reach
 from swingid.result.result import Message, Result, refusal
 from swingid.result.sources import Identity, value_of
-from swingid.study.output import NO_BREAK, WIDTH, Study, aligned
+from swingid.study.output import Study
+from swingid.table import NO_BREAK, WIDTH, Column, Table
 from swingid.uncertainty.significance import DIFFERS
 
 SCHEMA = "swingid.compare/1"
@@ -51,10 +53,10 @@ class Assumptions:
     speed: str
 
     def words(self) -> str:
-        """What the number depends on, in one phrase: 'wheel inertia, motor, b, friction basis'."""
+        """What the number depends on, in one phrase: 'wheel inertia, motor, gravity torque, friction basis'."""
         parts = [self.scale] if self.scale else []
         parts += ["motor"] if self.motor else []
-        parts += ["b"] if self.gravity else []
+        parts += ["gravity torque"] if self.gravity else []
         parts += [] if self.friction == "any" else [f"friction {self.friction}"]
         parts += [] if self.speed == "none" else [f"{self.speed} speeds"]
         return ", ".join(parts)
@@ -323,41 +325,54 @@ def _why(answered: Sequence[Trial], apart: tuple[str, ...]) -> str:
 
 
 def _of_log(comparison: Comparison, log: str) -> str:
-    trials = comparison.of(log)
-    known = any(trial.truth is not None for trial in trials)
-    about = next((trial.result.leading for trial in trials if trial.result.parameters), "inertia")
-    headings = ["method", about, "relative", "depends on", "time", *(["error"] if known else [])]
-    lines = [f"[[{log}]]", *aligned([headings, *(answer_cells(trial)[: len(headings)] for trial in trials)])]
-    lines += ["", *aligned([["method", "friction"], *([t.method, friction_text(t.result)] for t in trials)])]
+    answers, friction = tables_of(comparison.of(log))
+    lines = [f"[[{log}]]", *answers.lines(), "", *friction.lines()]
     lines += [""] + [line for v in comparison.verdicts if v.log == log for line in _wrapped(f"verdict: {v.message}")]
     lines += [line for who, m in comparison.messages(log) for line in _wrapped(f"{who}, {m.code}: {m.message}")]
     return "\n".join(lines)
 
 
-def answer_cells(trial: Trial, *, fine: bool = False) -> list[str]:
-    """Method, inertia, relative uncertainty, assumptions, time, error against the truth."""
+def tables_of(trials: Sequence[Trial], *, fine: bool = False) -> tuple[Table, Table]:
+    """The answers of all methods on one log, and what they depend on with the friction that they found."""
+    about = next((trial.result.leading for trial in trials if trial.result.parameters), "inertia")
+    columns = [
+        Column("method", "name"),
+        Column(f"{about} (95 %)", "value-cell"),
+        Column("u", "number", True),
+        Column("status", "", True),
+        Column("time", "number", True),
+        *([Column("error", "", True)] if any(trial.truth is not None for trial in trials) else []),
+    ]
+    answers = Table(tuple(columns), tuple(_answer(trial, fine=fine)[: len(columns)] for trial in trials))
+    friction = Table(
+        (columns[0], Column("depends on"), Column("friction (95 %)", "text")),
+        tuple((one.method, one.assumptions.words(), _friction(one.result, fine=fine)) for one in trials),
+    )
+    return answers, friction
+
+
+def _answer(trial: Trial, *, fine: bool) -> tuple[str, ...]:
+    """Method, value with its 95 % interval, relative standard uncertainty, status, time, error against the truth."""
     seconds = f"{1e3 * trial.seconds:.3g} ms" if trial.seconds < 1 else number(trial.seconds, "s", 3)
-    value, spread, error = "refused", "", ""
+    value, spread, error = "none", "", ""
     if trial.result.leading in trial.result.parameters:
         inertia = trial.result.main
         u = inertia.standard_uncertainty
-        value = plus_minus(inertia.value, u, inertia.unit, fine=fine)
+        value = value_and_reach(inertia, fine=fine)
         spread = "" if u is None else percent(u / abs(inertia.value), fine=fine)
     if trial.error is not None:
         outside = " (outside the interval)" if trial.covered is False else ""
         error = percent(trial.error, sign=True, fine=fine) + outside
-    return [trial.method, value, spread, trial.assumptions.words(), seconds, error]
+    return (trial.method, value, spread, trial.result.status, seconds, error)
 
 
-def friction_text(result: Result, *, fine: bool = False) -> str:
-    """The identified friction parameters, 'viscous 1.144e-3 ± …, coulomb …'."""
-    named = [
-        (name, p) for name, p in result.parameters.items() if name not in ("inertia", "gravity_torque", result.leading)
-    ]
+def _friction(result: Result, *, fine: bool) -> str:
+    """The identified friction parameters with their 95 % intervals: 'viscous (1.144 ± 0.012)e-3 N m s, coulomb …'."""
+    others = ("inertia", "gravity_torque", result.leading)
     friction = [
-        f"{name} {plus_minus(p.value, p.standard_uncertainty, p.unit, fine=fine)}"
-        for name, p in named
-        if "." not in name
+        f"{name} {value_and_reach(found, fine=fine)}"
+        for name, found in result.parameters.items()
+        if name not in others and "." not in name
     ]
     return ", ".join(item.replace(" ", NO_BREAK) for item in friction) or "none"
 

@@ -18,14 +18,15 @@ from swingid.result.summary import folded, sorted_budget
 from swingid.simulation import simulate
 from swingid.study.design.information import Prediction
 from swingid.study.experiment import without_truth
-from swingid.study.output import Study, aligned, json_text, noted
+from swingid.study.output import Study, json_text, noted
+from swingid.table import Table, plain
 
 if TYPE_CHECKING:
     from swingid.study.design.motions import Limits
 
 SCHEMA = "swingid.design/1"
 
-HEADINGS = ("motion", "time", "inertia", "sensors", "constants", "voltage", "wheel")
+HEADINGS = plain("motion", "time", "inertia", "sensors", "constants", "voltage", "wheel")
 
 MOST = 6
 
@@ -114,9 +115,9 @@ class Design(Study):
         """The proposals as a table for a terminal, then the first with interval, budget, trial and command."""
         p = self.proposal
         inertia = p.prediction.parameters["inertia"]
-        rows = [HEADINGS, *(_cells(candidate) for candidate in (p, *self.others))]
+        table = Table(HEADINGS, tuple(_cells(candidate) for candidate in (p, *self.others)))
         lines = [f"[[Motions of {self.rig} for an inertia to {percent(self.wanted)}, predicted for momentum]]"]
-        lines += aligned(rows)
+        lines += table.lines()
         lines += ["[[Proposal]]", f"    {p.reference}"]
         lines.append(f"    {p.duration:g} s at {p.rate:g} rows per second, of which the first {p.settling:g} s settle")
         for name, parameter in p.prediction.parameters.items():

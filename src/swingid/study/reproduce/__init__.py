@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from swingid.study.reproduce.reproduction import Reproduction, reproduce, steps
-from swingid.study.reproduce.tables import Table, tables
+from swingid.study.reproduce.tables import tables
 
-__all__ = ["Reproduction", "Table", "reproduce", "steps", "tables"]
+__all__ = ["Reproduction", "reproduce", "steps", "tables"]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 from swingid.study.reproduce.published import FIG8, unclear
+from swingid.table import Table, plain
 
 _UNITS = (
     "Inertias in 10⁻⁵ kg m², errors in %, f1 in 10⁻⁵ N m s; last column: s of log from the start of the run from which "
@@ -30,17 +30,6 @@ TWINS = {
 NOTHING = "–"
 
 
-@dataclass(frozen=True)
-class Table:
-    """A table: key, title, what it says in a sentence, heads of the columns, and rows of cells."""
-
-    key: str
-    title: str
-    caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
 def tables(results: dict[str, Any]) -> list[Table]:
     """All tables of `Reproduction.results`, or of the JSON it was written to."""
     found = [_glance(results), _unclear()]
@@ -53,13 +42,17 @@ def tables(results: dict[str, Any]) -> list[Table]:
     return found
 
 
+def _table(key: str, title: str, caption: str, headings: tuple[str, ...], rows: tuple[tuple[str, ...], ...]) -> Table:
+    return Table(plain(*headings), rows, "paper", key, title, caption)
+
+
 def _unclear() -> Table:
     rows = tuple(
         (row["where"], row["printed"], row["here"], ", ".join(f"`{test}`" for test in row["tests"]))
         for row in unclear()
     )
     caption = "What is printed, what stands here instead, and the test that shows it."
-    return Table("unclear", "Misprints and gaps of the paper", caption, ("where", "printed", "here", "test"), rows)
+    return _table("unclear", "Misprints and gaps of the paper", caption, ("where", "printed", "here", "test"), rows)
 
 
 def _glance(results: dict[str, Any]) -> Table:
@@ -99,13 +92,13 @@ def _glance(results: dict[str, Any]) -> Table:
         ("J1, ideal simulation at the paper's times", f"{paper['simulation_error']:g}, average", simulated),
         ("J1, backstepping after 8 s", f"{paper['backstepping'][0]:g}", law),
     )
-    return Table("glance", "At a glance", "Errors in %.", ("", "the paper", "here"), rows)
+    return _table("glance", "At a glance", "Errors in %.", ("", "the paper", "here"), rows)
 
 
 def _experiment(answers: dict[str, Any], paper: dict[str, Any]) -> Table:
     printed = [_published(paper, "proposed", "the paper: proposed method"), _published(paper, "nls", "the paper: NLS")]
     rows = [_ways(row) for row in answers["rows"]]
-    return Table(
+    return _table(
         f"experiment-{answers['friction']}",
         *TWINS[answers["friction"]],
         ("", "J1", "error", "J1 + J_e", "error", "a11'", "J_e", "error", "f1", "1.4 % from"),
@@ -144,7 +137,7 @@ def _balanced(results: dict[str, Any]) -> Table:
         for row in (viscous, hidden):
             cells += [signed(row["balanced"].get("error")), signed(row["j_e_balanced"].get("error"))]
         rows.append(tuple(cells))
-    return Table(
+    return _table(
         "balanced",
         "The balanced pendulum, 0.8 sin 2t",
         "Errors in %. The body is on the far side of the axis, b = 0; J_e is the difference to the run without the "
@@ -164,7 +157,7 @@ def _controllers(results: dict[str, Any]) -> Table:
         soon = (number(first.get("within 5 %")), number(first.get("within 1.4 %")))
         rows.append((name, *_adaptation(run), number(1e3 * run["error_peak"]), *voltages, *soon))
     rows.append(("ideal simulation, gains of Fig. 7", *_adaptation(ideal), *(NOTHING,) * 5))
-    return Table(
+    return _table(
         "controllers",
         "The controller, and how soon (6) is right",
         "Times in s from the start, tracking error in mrad, voltage in V (15 to 22 s). The last two columns: from when "
@@ -182,7 +175,7 @@ def _simulation(results: dict[str, Any]) -> Table:
     paper = results["paper"]
     rows = [("the paper: its four times", NOTHING, f"{paper['simulation_error']:g} (average)", NOTHING)]
     rows += [(row["words"], *_inertia(row), _f1(row)) for row in results["simulation"]["rows"]]
-    return Table(
+    return _table(
         "simulation",
         "The ideal simulation of Fig. 7",
         "J1 in 10⁻⁵ kg m², its error in %, f1 in 10⁻⁵ N m s. The twin: 302.2 and 26. Ideal angles, 10 kHz.",
@@ -197,7 +190,7 @@ def _convergence(results: dict[str, Any]) -> Table:
     for row in results["simulation"]["backstepping"]:
         times = (number(row["within_5"]), number(row["within_1"]))
         rows.append((f"{row['law']} law", number(row["frequency"], 2), signed(row["after_8_s"]), *times))
-    return Table(
+    return _table(
         "backstepping",
         "The backstepping controller of Fig. 8",
         "Error of J1 in % after 8 s, and the times in s from which on it stays within 5 % and 1 % (12 s "
@@ -219,7 +212,7 @@ def _imperfections(found: list[dict[str, Any]], published: dict[str, float]) -> 
         rows.append((*cells, _alone(row, published["proposed"])))
         if "single" in row:
             rows.append(("the same, (6) from one interval alone", number(row["single"], 2), *(NOTHING,) * 6))
-    return Table(
+    return _table(
         "imperfections",
         "One imperfection at a time",
         "Errors in % of the paper's method ((6), mirrored about the measured turning points), of NLS (viscous + "
@@ -245,7 +238,7 @@ def _alone(row: dict[str, Any], wanted: float) -> str:
 
 def _verdicts(claims: list[dict[str, Any]]) -> Table:
     rows = tuple((f"“{row['claim']}”", row["test"], row["criterion"], row["verdict"]) for row in claims)
-    return Table(
+    return _table(
         "claims",
         "The claims of the conclusion",
         "Each with a test on the twin and a criterion; the verdict follows from the numbers of the next table. Where a "
@@ -265,7 +258,7 @@ def _measurements(claims: list[dict[str, Any]]) -> Table:
             groups.setdefault(what or rest, []).append(f"{rest} {text}" if what else text)
         for place, (what, texts) in enumerate(groups.items()):
             rows.append((f"“{row['claim']}”" if place == 0 else "", what, "; ".join(texts)))
-    return Table("measurements", "What the claims were measured by", "", ("claim", "what", "measured"), tuple(rows))
+    return _table("measurements", "What the claims were measured by", "", ("claim", "what", "measured"), tuple(rows))
 
 
 def _measured(one: dict[str, Any]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -486,3 +487,14 @@ def test_alone_it_says_where_to_begin(run: Run) -> None:
     for line in found.out.splitlines()[:3]:
         name = line.split()[1]
         assert name in {command.__name__ for members in GROUPS.values() for command, _ in members}
+
+
+def test_the_first_lines_work_as_they_are_printed(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for line in run().out.splitlines()[:2]:
+        assert run(*shlex.split(line.partition("   ")[0])[1:]).code == 0
+
+
+def test_a_command_with_a_slip_is_named(run: Run) -> None:
+    sentence = run("identfy").sentence()
+    assert sentence == "swingid: no such command 'identfy'. Did you mean 'identify'? See swingid --help."

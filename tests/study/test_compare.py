@@ -56,6 +56,17 @@ def test_both_methods_answer_and_agree(comparison):
     assert comparison.verdicts[0].apart == ()
 
 
+def test_rows_too_far_apart_for_one_method_leave_the_others_rows(tmp_path):
+    """Fourteen rows a second, and rows with a gap of 3 s: the adaptation of the paper takes neither."""
+    log = logged(RIG, tmp_path, duration=30.0)
+    for time, kept in (("slow", slice(None, None, 70)), ("gap", np.r_[0:8000, 11000:30000])):
+        rows = {name: getattr(log, name)[kept] for name in ("time", "angle", "wheel_angle", "voltage")}
+        rows |= {"reference": None, "adaptive_gain": None}
+        found = {t.method: t.result for t in compare(replace(log, **rows), given(RIG)).trials}
+        assert found["momentum"].parameters, time
+        assert found["backstepping"].error.code == "slow-rows", time
+
+
 def test_a_crash_of_one_method_leaves_the_others_rows(log, monkeypatch):
     def crash(*_, **__):
         raise np.linalg.LinAlgError("SVD did not converge")

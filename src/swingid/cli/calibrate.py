@@ -68,7 +68,7 @@ def calibrate(
         found, is_changed = _calibrate(logs, rig, encoders, out, json, report, laboratory)
     hand_over(found.result, json, out, report)
     if out is not None and not is_changed:
-        say(f"{out} is {rig} unchanged: these logs determine no constant that a rig file has")
+        say(f"{out} is {rig} unchanged: these logs change none of its constants")
 
 
 def _calibrate(

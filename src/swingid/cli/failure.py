@@ -166,4 +166,5 @@ def _usage(error: Exception) -> str:
     message = error.format_message() if hasattr(error, "format_message") else str(error)
     sentence = " ".join(message.split()).rstrip(".").replace("Value error, ", "").replace("Input should be", "must be")
     sentence = sentence.partition(", unable to parse")[0]  # pydantic's words, which newer versions of typer pass on
-    return f"{sentence[:1].lower()}{sentence[1:]}; see {command} --help"
+    link = " See" if sentence.endswith("?") else "; see"
+    return f"{sentence[:1].lower()}{sentence[1:]}{link} {command} --help"

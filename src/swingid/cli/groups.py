@@ -72,9 +72,9 @@ GROUPS: dict[str, list[tuple[Command, str]]] = {
 """What people have, and the commands for it, each in a few words."""
 
 FIRST = """\
-swingid simulate --rig paper --reference "sine 0.8 rad 8.5 rad/s" --out log.csv   a log to try things with
-swingid inspect log.csv                                                          what a log holds, and what next
-swingid dashboard                                                                the same in the browser
+swingid simulate --rig paper --reference "sine 0.8 rad 8.5 rad/s" --duration 15 --out log.csv   a log to try
+swingid inspect log.csv                                          what a log holds, and what next
+swingid dashboard                                                the same in the browser
 All commands: swingid --help."""
 """What `swingid` alone prints."""
 

@@ -12,10 +12,11 @@ consistent law gives V' = −l e².
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 
-from swingid.errors import UsageError
+from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.backstepping.signals import Signals
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit, njit_called
@@ -55,17 +56,14 @@ class Gains:
 def adapted(signals: Signals, gains: Gains) -> tuple[Array, Array]:
     """α̂2 (1/s²) and α̂3 (1/s) at the stamps of `signals`, both (n,).
 
-    Raises UsageError where the gains are too high for the rate of the log.
+    Raises UsageError where gains that were given are too high for the rate of the log, UnanswerableError where those
+    of the paper are.
     """
     longest = float(np.max(np.diff(signals.time)))
     quick = np.sqrt(gains.gamma1) * np.max(np.abs(signals.speed))
     quick = np.hypot(quick, np.sqrt(gains.gamma2) * max(np.max(np.abs(signals.phi)), np.max(np.abs(signals.sine))))
     if longest * (gains.gain + quick) > STIFFEST:
-        raise UsageError(
-            f"the gains gain, gamma1 and gamma2 are too high for rows {longest:.3g} s apart; lower them by a factor of "
-            f"{(longest * (gains.gain + quick) / STIFFEST) ** 2:.2g}.",
-            code="bad-gain",
-        )
+        _refuse(longest, (longest * (gains.gain + quick) / STIFFEST) ** 2, gains)
     pushed = signals.phi if gains.law == "consistent" else -signals.sine
     constants = np.array([gains.gain, gains.gamma1, gains.gamma2, gains.alpha2, gains.alpha3, gains.least])
     estimates: Array = _adapt(signals.time, signals.speed, signals.phi, pushed, constants)
@@ -99,3 +97,18 @@ def _adapt(time: Array, x2: Array, phi: Array, pushed: Array, gains: Array) -> A
         alpha3 = max(alpha3 + h / 6.0 * (a2 + 2.0 * b2 + 2.0 * c2 + d2), gains[5])
         estimates[0, k + 1], estimates[1, k + 1] = alpha2, alpha3
     return estimates
+
+
+def _refuse(longest: float, factor: float, gains: Gains) -> NoReturn:
+    """Raise the error of rows that lie `longest` s apart, where gain, gamma1 and gamma2 are `factor` times too high."""
+    if (gains.gain, gains.gamma1, gains.gamma2) == (Gains.gain, Gains.gamma1, Gains.gamma2):
+        raise UnanswerableError(
+            f"rows lie up to {longest:.3g} s apart, too far for the adaptation with the gains of the paper; log faster, "
+            "take a part without a gap (--part FROM:TO), or the momentum method.",
+            code="slow-rows",
+        )
+    raise UsageError(
+        f"the gains gain, gamma1 and gamma2 are too high for rows {longest:.3g} s apart; lower them by a factor of "
+        f"{factor:.2g}.",
+        code="bad-gain",
+    )

@@ -46,13 +46,13 @@ def backstepping(
     """Identify inertia and viscous friction by the adaptation laws of the paper's backstepping, over the log's time.
 
     law: "printed", or "consistent", which follows from the Lyapunov function; the first converges faster below the
-    frequency √α2 ≈ √(b/J), the second above it. velocities: "smoothed" (local cubics, which look ahead) or "observers"
-    (23), causal with the paper's gains. gain: l of the model, 1/s; gamma1, gamma2, alpha2, alpha3: gains and first
-    estimates, as in section 5 unless given.
+    frequency √α2 ≈ √(gravity_torque/inertia), the second above it. velocities: "smoothed" (local cubics, which look
+    ahead) or "observers" (23), causal with the paper's gains. gain: l of the model, 1/s; gamma1, gamma2, alpha2,
+    alpha3: gains and first estimates, as in section 5 unless given.
 
-    Raises UsageError for unknown options and gains too high for the log's rate, InputError where a channel is missing
-    or has the wrong sign, UnanswerableError without gravity torque, motor constants or motion. Not for friction that is
-    far from viscous, nor for short logs; `momentum` needs neither law nor motor.
+    Raises UsageError for unknown options and given gains too high for the log's rate, InputError where a channel is
+    missing or has the wrong sign, UnanswerableError without gravity torque, motor constants, motion or rows enough.
+    Not for friction that is far from viscous, nor for short logs; `momentum` needs neither law nor motor.
     """
     gains = Gains(law, gain, gamma1, gamma2, alpha2, alpha3)
     if velocities not in VELOCITIES:
@@ -134,7 +134,7 @@ def _messages(run: Run, gains: Gains, widths: Widths | None, inertia: Parameter)
         return [], notes
     text = (
         "the estimate has not converged by the end of the log: record a longer or faster motion, or choose the "
-        "other law, a higher gamma2 or an alpha2 nearer to b/J."
+        "other law, a higher gamma2 or an alpha2 nearer to gravity_torque/inertia."
     )
     if inertia.standard_uncertainty is None:
         reason = "the final value of an estimate that has not converged cannot be determined."

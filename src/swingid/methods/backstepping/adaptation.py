@@ -103,8 +103,8 @@ def _refuse(longest: float, factor: float, gains: Gains) -> NoReturn:
     """Raise the error of rows that lie `longest` s apart, where gain, gamma1 and gamma2 are `factor` times too high."""
     if (gains.gain, gains.gamma1, gains.gamma2) == (Gains.gain, Gains.gamma1, Gains.gamma2):
         raise UnanswerableError(
-            f"rows lie up to {longest:.3g} s apart, too far for the adaptation with the gains of the paper; log faster, "
-            "take a part without a gap (--part FROM:TO), or the momentum method.",
+            f"rows lie up to {longest:.3g} s apart, too far for the adaptation with the gains of the paper; log "
+            "faster, take a part without a gap (--part FROM:TO), or the momentum method.",
             code="slow-rows",
         )
     raise UsageError(

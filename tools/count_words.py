@@ -1,10 +1,12 @@
 """Words of the documentation, per page: `python tools/count_words.py [page …]`.
 
-A word holds a letter or a digit. *Hand-written* is README.md, CONTRIBUTING.md, SECURITY.md, docs/*.md and
-examples/*.md without what programs write: docs/errors.md, docs/modules.md, blocks from `<!-- name: part -->` to
-`<!-- end -->`, and blocks of ```text, which are what the command or the code above them prints. *Prose* is what of it
-stands outside tables, code and equations. A sentence is a run of prose up to its stop; items of a list and headings
-end one too. A span of code or a formula counts as one word of a sentence.
+A word holds a letter or a digit; targets of links are none. Pages are README.md, CONTRIBUTING.md, SECURITY.md,
+docs/*.md and examples/*.md, but not docs/errors.md and docs/modules.md, which programs write whole.
+
+*Plain* is what a page holds but the blocks from `<!-- name: part -->` to `<!-- end -->`, which programs write: this is
+the number that is held. *By hand* leaves out the blocks of ```text too, which are what the command or the code above
+them prints. *Prose* is what of it stands outside tables, code and equations. A sentence is a run of prose up to its
+stop; items of a list and headings end one too. A span of code or a formula counts as one word of a sentence.
 """
 
 from __future__ import annotations
@@ -16,7 +18,14 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 GENERATED = ("docs/errors.md", "docs/modules.md")
-PRINTED = re.compile(r"^<!-- [\w]+: .*?^<!-- end -->|^```text\n.*?^```$", re.M | re.S)
+REFERENCES = {
+    "docs/rig.md": "every key of a rig file, looked up by its table",
+    "docs/paper.md": "the paper section by section",
+}
+"""Pages that are looked up and not read from top to end, and why: they may be longer than others."""
+
+MADE = re.compile(r"^<!-- [\w]+: .*?^<!-- end -->", re.M | re.S)
+PRINTED = re.compile(r"^```text\n.*?^```$", re.M | re.S)
 CODE = re.compile(r"^([ ]*)```.*?^\1```[ ]*$|^\n(?:    (?![-*] |\d+\. )[^\n]*\n)+", re.M | re.S)
 EQUATION = re.compile(r"\$\$.*?\$\$", re.S)
 TABLE = re.compile(r"^[ ]*\|.*$", re.M)
@@ -27,8 +36,9 @@ STOP = re.compile(r"[.?!](?:[)\"”’*_`]*)\s+|\n\s*\n|\n\s*(?:[-*]|\d+\.) ")
 
 
 class Page(NamedTuple):
-    """Counts of one page: words by hand, words of prose, words of each sentence of the prose."""
+    """Counts of one page: plain words, words by hand, words of prose, words of each sentence of the prose."""
 
+    plain: int
     written: int
     prose: int
     sentences: list[tuple[int, str]]
@@ -48,13 +58,14 @@ def words(text: str) -> int:
 
 def count(text: str) -> Page:
     """The counts of a page's text."""
-    written = PRINTED.sub("", text)
+    plain = MADE.sub("", text)
+    written = PRINTED.sub("", plain)
     prose = written
     for other in (CODE, EQUATION, TABLE):
         prose = other.sub("\n", prose)
     parts = STOP.split(HEADING.sub("\n\n", prose))
     sentences = [(words(SPAN.sub("x", part)), " ".join(part.split())) for part in parts if words(part)]
-    return Page(words(written), words(prose), sentences)
+    return Page(words(plain), words(written), words(prose), sentences)
 
 
 def main(names: list[str]) -> None:
@@ -64,15 +75,16 @@ def main(names: list[str]) -> None:
     for page, found in counted.items():
         lengths = [length for length, _ in found.sentences] or [0]
         print(
-            f"{found.written:6d} {found.prose:6d} {sum(lengths) / len(lengths):5.1f} {max(lengths):4d} "
-            f"{sum(length > 25 for length in lengths):4d}  {page.relative_to(ROOT)}"
+            f"{found.plain:6d} {found.written:6d} {found.prose:6d} {sum(lengths) / len(lengths):5.1f} "
+            f"{max(lengths):4d} {sum(length > 25 for length in lengths):4d}  {page.relative_to(ROOT)}"
         )
         if names:
             for length, sentence in found.sentences:
                 if length > 25:
                     print(f"    {length}: {sentence}")
-    written, prose = (sum(getattr(page, name) for page in counted.values()) for name in ("written", "prose"))
-    print(f"{written:6d} {prose:6d}  words, prose, words a sentence, longest, sentences above 25 words")
+    sums = [sum(getattr(page, name) for page in counted.values()) for name in ("plain", "written", "prose")]
+    print(" ".join(f"{number:6d}" for number in sums), end=" ")
+    print(" plain, by hand, prose; words a sentence, longest, sentences above 25 words")
 
 
 if __name__ == "__main__":

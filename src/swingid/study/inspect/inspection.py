@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +37,7 @@ from swingid.spellings import canonical
 from swingid.study.inspect.channels import Channel, check_channels
 from swingid.study.inspect.corrections import physics, read, without_path
 from swingid.study.inspect.motion import Service, Swings, not_checked, read_motion, services
+from swingid.study.inspect.verdict import Verdict, verdict_of
 from swingid.study.output import Study
 from swingid.system import sha256_of
 
@@ -44,8 +45,6 @@ SCHEMA = "swingid.inspect/1"
 
 WITH_CLOCK = ("backwards", "unsorted", "repeated-times", "absurd-time")
 """Refusals of the reader that a fault of the clock contains already."""
-
-MOST = 4
 
 MARKS = {"ok": "ok  ", "note": "note", "unknown": "?   ", "advice": "tip ", "repair": "MEND", "fault": "BAD "}
 
@@ -330,52 +329,6 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
             factor /= rig.log.wheel_scale.value  # of the encoder, whose steps are looked at
         found.append(Channel(role, column, factor, units[role]))
     return found
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """status for scripts, the line for people, and what would serve better ("" for nothing).
-
-    "ready": the log serves as it is, or as swingid repairs it on reading; "repairs": once the rig file states what the
-    line names; "unusable": it does not.
-    """
-
-    status: Literal["ready", "repairs", "unusable"]
-    line: str
-    advice: str = ""
-
-
-def verdict_of(checks: Sequence[Check], *, with_rig: bool) -> Verdict:
-    """Make the verdict of all checks; without a rig the file alone was checked, and the line states it."""
-    advice = _listed(check.remedy for check in checks if check.level == "advice")
-    faults = [check for check in checks if check.level == "fault"]
-    if faults:
-        return Verdict("unusable", f"not usable: {_sentences(faults)}", advice)
-    made = _listed(check.own for check in checks if check.own is not None)
-    remedies = _listed(check.remedy for check in checks if check.level == "repair")
-    by_itself = f"swingid itself repairs {made}" if made else ""
-    if remedies:
-        return Verdict("repairs", f"ready after these repairs: {remedies}{'; ' + by_itself if made else ''}.", advice)
-    line = f"ready; {by_itself}." if made else "ready."
-    if not with_rig:
-        line = f"ready as a file{'; ' + by_itself if made else ''}; signs, zero and scale are checked with --rig."
-    return Verdict("ready", line, advice)
-
-
-def _listed(texts: Iterable[str]) -> str:
-    """Each once, the first few of them."""
-    several = list(dict.fromkeys(text for text in texts if text))
-    return "; ".join(several[:MOST]) + (f"; and {len(several) - MOST} more" if len(several) > MOST else "")
-
-
-def _sentences(checks: list[Check]) -> str:
-    """The first two with what is to be done."""
-    texts = [
-        check.evidence.rstrip(".")
-        + (f"; {check.remedy}" if check.remedy and check.remedy not in check.evidence else "")
-        for check in checks[:2]
-    ]
-    return ". ".join(text[0].upper() + text[1:] if k else text for k, text in enumerate(texts)) + "."
 
 
 def wrapped(check: Check) -> list[str]:

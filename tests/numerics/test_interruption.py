@@ -17,7 +17,8 @@ import pytest
 from large_logs import GIVEN, write_large_log
 from long_cases import quick_first
 from swingid.cli import failure, main
-from swingid.system import WRITTEN, interruption_waits, worker_pool, write_whole
+from swingid.processes import interruption_waits, worker_pool
+from swingid.system import WRITTEN, write_whole
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a group of processes")
 

@@ -17,7 +17,7 @@ import pytest
 
 import swingid as sw
 from refusals import coded
-from swingid import system
+from swingid import processes, system
 from swingid.cli import main
 from swingid.errors import InputError, NotIdentifiableError, SwingidError
 
@@ -140,9 +140,9 @@ def test_the_cache_of_kernels_has_a_folder_without_posix(tmp_path: Path) -> None
 def test_locks_cores_and_limits_do_without_posix(tmp_path: Path) -> None:
     program = """
 from pathlib import Path
-from swingid import system
-assert system.cores() == (os.cpu_count() or 1)
-system.limit_process(1, 1.0)  # would end this process
+from swingid import processes, system
+assert processes.cores() == (os.cpu_count() or 1)
+processes.limit_process(1, 1.0)  # would end this process
 with system.locked(Path("{lock}"), wait=False):
     print("held")
 import swingid.study.campaign.run, swingid.recording.formats.isolated, swingid.cli.app
@@ -256,7 +256,7 @@ def ended_by(code: int) -> None:
 
 def test_a_worker_that_is_ended_gives_one_sentence() -> None:
     with pytest.raises(InputError, check=coded("lost-workers")):
-        list(system.map_in_processes(ended_by, [0, 1, 1], 2))
+        list(processes.map_in_processes(ended_by, [0, 1, 1], 2))
 
 
 def subclasses(kind: type[SwingidError]) -> list[type[SwingidError]]:
@@ -321,7 +321,7 @@ def test_work_that_is_left_at_an_interruption_is_no_error_of_the_pool(monkeypatc
     failed = []
     monkeypatch.setattr(threading, "excepthook", failed.append)
     for taken in range(60):
-        found = system.map_in_processes(slowly, range(300), 2)
+        found = processes.map_in_processes(slowly, range(300), 2)
         for _ in range(1 + taken % 20):
             next(found)
         found.close()  # as an exception where its values are used does

@@ -26,6 +26,7 @@ from swingid.numerics.arrays import Array
 from swingid.pooling.selected import in_parts, releases
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
+from swingid.processes import interruption_waits
 from swingid.recording.formats import read_table
 from swingid.recording.inspect import describe, guess_roles
 from swingid.recording.large import first_rows, is_large
@@ -35,7 +36,6 @@ from swingid.report.style import envelope
 from swingid.result.result import Result, refusal
 from swingid.study.changes import Times, changed
 from swingid.study.inspect.inspection import range_of
-from swingid.system import interruption_waits
 
 Factors = Mapping[str, float]
 """Multiples of constants by their dotted keys."""

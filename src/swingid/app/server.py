@@ -14,7 +14,7 @@ from nicegui import app, core, ui
 from swingid.app.faults import log_in_lines
 from swingid.app.gate import Gate, Place
 from swingid.errors import UsageError
-from swingid.system import END_SIGNALS
+from swingid.processes import END_SIGNALS
 
 VENDOR = Path(__file__).with_name("vendor")
 

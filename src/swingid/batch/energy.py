@@ -23,7 +23,7 @@ from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.vectors import njit_sums, njit_sums_threads, widest
 from swingid.preparation.scale import equation_of
-from swingid.system import cores
+from swingid.processes import cores
 
 INERTIA, COULOMB, VISCOUS, QUADRATIC, OFFSET, EVEN, KNOWN, COLUMNS = range(8)
 """Places of the columns: q1'^2/2, running integrals of f(q1') q1' of the terms of friction, and the known side."""

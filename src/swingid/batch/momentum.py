@@ -24,7 +24,7 @@ from swingid.numerics.regression import fit_linear
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import equation_of
 from swingid.preparation.speed import SHARE
-from swingid.system import cores
+from swingid.processes import cores
 
 UNKNOWNS = ("inertia", *BASIS)
 """a11 of the whole axis, then the terms of friction."""

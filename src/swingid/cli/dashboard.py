@@ -15,7 +15,7 @@ import typer
 
 from swingid.cli import output
 from swingid.errors import UsageError
-from swingid.system import END_SIGNALS
+from swingid.processes import END_SIGNALS
 
 TOKEN = "SWINGID_TOKEN"
 

@@ -35,8 +35,9 @@ from swingid.cli.progress import Progress
 from swingid.cli.results_table import tabulate
 from swingid.errors import SwingidError, UsageError
 from swingid.methods.table import DEFAULT
+from swingid.processes import cores, keep_memory
 from swingid.progress import shown
-from swingid.system import cores, keep_memory, sha256_begun
+from swingid.system import sha256_begun
 
 if TYPE_CHECKING:
     from collections.abc import Callable

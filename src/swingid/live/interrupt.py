@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from swingid.live.codes import StopMode
-from swingid.system import END_SIGNALS
+from swingid.processes import END_SIGNALS
 
 
 @contextmanager

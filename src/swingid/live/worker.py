@@ -24,7 +24,8 @@ from swingid.live.interrupt import stopping
 from swingid.live.journal import Journal, Plan
 from swingid.live.pace import Pace, alone
 from swingid.live.ring import Kind, Reader, Record, Ring, Role
-from swingid.system import END_SIGNALS, keep_traceback
+from swingid.processes import END_SIGNALS
+from swingid.system import keep_traceback
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO, cast
 
 from swingid.errors import UsageError
-from swingid.system import cores
+from swingid.processes import cores
 
 PACKAGE = Path(__file__).resolve().parents[1]
 LIST = Path(__file__).with_name("kernels.json")

@@ -21,10 +21,11 @@ from swingid.methods.table import METHODS, Method
 from swingid.numerics.arrays import median, quantile
 from swingid.pooling.parts import Part, combine_parts
 from swingid.pooling.runs import GRAVITY, constant
+from swingid.processes import cores, forks, interruption_waits, worker_pool
 from swingid.recording.large import LARGE, LargeLog
 from swingid.recording.recording import Recording
 from swingid.result.result import Result
-from swingid.system import cores, forks, interruption_waits, sha256_of, worker_pool
+from swingid.system import sha256_of
 
 MOST_WORKERS = 4
 """Processes that identify parts, at most: so many keep up with one that reads."""

@@ -28,10 +28,10 @@ from swingid.model.terms import further_terms, stated_at
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import moved
 from swingid.preparation.prepared import as_recorded
+from swingid.processes import map_in_processes
 from swingid.recording.recording import Recording
 from swingid.result.data import Distributed, MonteCarlo
 from swingid.result.result import Message, Result
-from swingid.system import map_in_processes
 from swingid.uncertainty.budget import BudgetEntry
 from swingid.uncertainty.freedom import COVERAGE
 from swingid.units import Quantity, UnknownScale

@@ -13,11 +13,11 @@ from swingid.format import percent
 from swingid.methods.table import METHODS, method_of
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.processes import map_in_processes
 from swingid.study.experiment import Experiment, without_truth
 from swingid.study.faults import parse_fault, with_faults
 from swingid.study.output import Study, counted, noted
 from swingid.study.trials import Expectation, Head, Row, rows_of
-from swingid.system import map_in_processes
 from swingid.table import Table, plain
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.system import limit_process
+from swingid.processes import limit_process
 
 if TYPE_CHECKING:
     from swingid.recording.formats.table import Columns

@@ -11,13 +11,13 @@ import numpy as np
 
 from swingid.errors import UsageError
 from swingid.numerics.arrays import Array
+from swingid.processes import cores
 from swingid.recording.recording import Recording
 from swingid.simulation.draws import draw as drawn
 from swingid.simulation.ensemble.lanes import LANES
 from swingid.simulation.ensemble.packed import Block, blocks_of, run_packed
 from swingid.simulation.ensemble.runs import Run, runs_of
 from swingid.simulation.twin import Controller, Reference, run_of
-from swingid.system import cores
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -50,16 +50,6 @@ ROUNDING = 1e-15
 WIDTH = 0.7
 """Ratio of the terms of Stribeck's peak where a step crosses one Stribeck speed."""
 
-ONE = np.int64(1023 << 52)
-"""Bits of 1.0."""
-
-
-@njit_lane
-def sixth_root(x: float) -> float:
-    """Sixth root of x, 0 < x <= 1, to 3 %, by the logarithm that the bits of a number are."""
-    bits = np.float64(np.float64(x).view(np.int64) - ONE) * (1 / 6)
-    return float(np.int64(np.int64(bits) + ONE).view(np.float64))
-
 
 @njit_lane
 def unsupported(lane: Array, i: int) -> float:
@@ -205,7 +195,7 @@ def longest(cu: series.Derivatives, cy: series.Derivatives, spike: float, rich: 
     if rich is not None:
         width, error = WIDTH * np.sqrt(spike) * abs(cu[0]), PEAKED_ERROR
         following = max(following, width * max(fifth, width * max(fourth, width * abs(cu[2]) * (1 / 6))))
-    return 0.95 * sixth_root(min(max(error / following, 1e-10), 1.0)) if following > error else 1.0
+    return 0.95 * series.sixth_root(min(max(error / following, 1e-10), 1.0)) if following > error else 1.0
 
 
 @njit_lane

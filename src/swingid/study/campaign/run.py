@@ -15,11 +15,12 @@ from typing import Any
 from swingid.errors import InputError, UsageError
 from swingid.numerics.ahead import compile_ahead, tasks
 from swingid.numerics.cache import CACHE
+from swingid.processes import cores, interruption_waits, worker_pool
 from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.store import Store, is_finished, made_by
 from swingid.study.campaign.trial import batch_rows, run_trial
 from swingid.study.trials import Row
-from swingid.system import cores, interruption_waits, locked, worker_pool
+from swingid.system import locked
 
 Progress = Callable[[int, int, int], None]
 

@@ -39,7 +39,7 @@ TIMING = "timing of the turning points"
 """Source of uncertainty by an impulse that is no unknown."""
 
 VARIED = 0.1
-"""Standard deviation of the weights of the reversals from which on the two can be told apart."""
+"""Standard deviation of the weights of the reversals from which on the two can be distinguished."""
 
 
 class Impulse(NamedTuple):

@@ -126,7 +126,7 @@ def _require_identifiable(estimate: Estimate) -> None:
     ]
     if blind:
         raise UnanswerableError(
-            f"{' and '.join(blind)} cannot be told apart from other free constants in this log; leave fewer free.",
+            f"{' and '.join(blind)} cannot be distinguished from other free constants in this log; leave fewer free.",
             code="not-identifiable",
         )
 

@@ -54,6 +54,7 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "reset_modules": ("matplotlib",),
     "min_reported_time": 1000,
+    "write_computation_times": False,  # that page loads scripts of other servers
     "show_signature": False,
     "image_scrapers": ("matplotlib",),
     "backreferences_dir": None,

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from swingid.numerics.arrays import median, quantile
 from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.regression import fit_linear, gram
+from swingid.numerics.regression import fit_linear, gram, squared_distance
 from swingid.numerics.spline import intervals, local_cubic, spline_at, spline_slopes
 from swingid.numerics.test_functions import (
     curvature_overlap,
@@ -531,3 +531,16 @@ def test_newey_west_is_bartletts_sum(seed):
     factor = got[0, 0] / expected[0, 0]
     assert 1.0 < factor < 1.2  # few rows tell less than they seem to
     assert got == pytest.approx(factor * expected, rel=1e-9, abs=1e-12)
+
+
+def test_squared_distance_is_that_of_independent_values_and_leaves_out_what_is_known():
+    assert squared_distance(np.array([3.0, 8.0]), np.diag([9.0, 16.0])) == pytest.approx(1 + 4)
+    # two values of one error count once, whatever their units
+    assert squared_distance(np.array([2.0, 2e6]), np.outer([1.0, 1e6], [1.0, 1e6])) == pytest.approx(4.0)
+
+
+def test_the_normal_matrix_of_a_line_is_its_closed_form():
+    x = np.arange(11.0) - 5
+    fit = fit_linear(np.column_stack([np.ones(11), x]), 2 + 3 * x)
+    assert fit.values == pytest.approx([2, 3])
+    assert fit.normal == pytest.approx(np.diag([1 / 11, 1 / 110]))

@@ -17,6 +17,7 @@ from swingid.errors import NotIdentifiableError
 from swingid.format import number, percent
 from swingid.model.terms import TERMS, words_of
 from swingid.numerics.arrays import Array
+from swingid.numerics.regression import fit_linear
 
 HOPELESS = 0.3
 """Relative standard uncertainty of the inertia above which the estimate is refused."""
@@ -84,7 +85,7 @@ class Identifiability:
         best, pair = TRADES, tuple[str, ...]()
         for i, j in combinations(range(1, len(self.names)), 2):
             own = correlation[[i, j]]
-            explained = float(own[:, 0] @ np.linalg.lstsq(own[:, [i, j]], own[:, 0], rcond=None)[0])
+            explained = float(own[:, 0] @ fit_linear(own[:, [i, j]], own[:, 0]).values)
             if explained > best:
                 best, pair = explained, (self.names[i], self.names[j])
         return pair

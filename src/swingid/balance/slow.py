@@ -18,7 +18,7 @@ from swingid.balance.fits import LAG, SLIGHT, WindowFit, covariance_by, fit_rows
 from swingid.balance.rows import Signals, dry_column
 from swingid.balance.systematics import left_by_place
 from swingid.numerics.arrays import Array
-from swingid.numerics.regression import fit_linear
+from swingid.numerics.regression import fit_linear, squared_distance
 from swingid.numerics.test_functions import project
 from swingid.result.data import Changing
 from swingid.uncertainty.significance import CERTAIN, DECISIVE, INDICATED, bayesian, normal_of_ratio
@@ -146,7 +146,7 @@ def _tested(fit: WindowFit, columns: Array, beside: Array | None = None) -> Slow
     theta = found.values[-count:]
     own = covariance_by(fit, found.influence[-count:], found.residuals, used)
     # columns that are equal here, as of dry and viscous friction at one speed, count once
-    wald = float(theta @ np.linalg.pinv(own, hermitian=True) @ theta) / count
+    wald = squared_distance(theta, own) / count
     freedom = max(len(fit.rows) / (LAG / 2) - used, 1.0)
     return SlowTest(columns, normal_of_ratio(wald, count, freedom), found.residuals)
 

@@ -16,6 +16,7 @@ from swingid.body.tables import Body
 from swingid.errors import InputError, UsageError
 from swingid.format import number, percent
 from swingid.numerics.arrays import Array
+from swingid.numerics.regression import squared_distance
 from swingid.system import is_file, read_input
 from swingid.units import Quantity, parse_quantity
 
@@ -99,8 +100,7 @@ class Comparison:
 def compare(cad: CadBody, matrix: Array, covariance: Array, body: Body) -> Comparison:
     """A measured tensor (3, 3) with covariance (6, 6) beside one of CAD; both in the same frame."""
     off = elements_of(matrix) - elements_of(cad.tensor)
-    scale = np.sqrt(np.diag(covariance))
-    chi_square = float((off / scale) @ np.linalg.pinv(covariance / np.outer(scale, scale)) @ (off / scale))
+    chi_square = squared_distance(off, covariance, 1e-15)
     moments = np.stack([np.linalg.eigvalsh(one)[::-1] for one in (matrix, cad.tensor)])
     mass = None
     # a mesh without a density has the weighed mass itself
@@ -109,7 +109,7 @@ def compare(cad: CadBody, matrix: Array, covariance: Array, body: Body) -> Compa
     centre = None
     if body.centre_of_mass is not None:
         centre = np.array([part.value for part in body.centre_of_mass]) - cad.centre
-    return Comparison(cad, off, scale, chi_square, moments, mass, centre)
+    return Comparison(cad, off, np.sqrt(np.diag(covariance)), chi_square, moments, mass, centre)
 
 
 def load_cad(

@@ -18,6 +18,7 @@ import numpy as np
 from swingid.body.axes import Axis
 from swingid.body.directions import matrix_of, rows_of
 from swingid.numerics.arrays import Array
+from swingid.numerics.regression import fit_linear
 from swingid.uncertainty.budget import Parameter
 from swingid.uncertainty.significance import family_level
 from swingid.uncertainty.uncertain import Uncertain, covariance, weighted_sum
@@ -83,7 +84,7 @@ def fit(axes: Sequence[Axis], common: frozenset[str] = frozenset()) -> Fit:
     """The tensor of axes whose directions have rank 6; `common`: keys of constants of results."""
     rows = rows_of(np.stack([axis.direction for axis in axes]))
     y = np.array([axis.central.value for axis in axes])
-    values: Array = np.linalg.lstsq(rows, y, rcond=None)[0]
+    values = fit_linear(rows, y).values
     for _ in range(PASSES):
         measured = [axis.tilted(matrix_of(values)) for axis in axes]
         gain = gain_of(rows, measured, common)

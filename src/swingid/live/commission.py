@@ -29,6 +29,7 @@ from swingid.live.guard import Board, Limits
 from swingid.live.pace import alone
 from swingid.live.pulses import PULSE, Pulses, guard_trips, moving
 from swingid.live.rest import STILLER, WAIT, Channel, at_rest, listening_time
+from swingid.numerics.regression import fit_linear
 
 if TYPE_CHECKING:
     from swingid.live.session import Session
@@ -186,20 +187,11 @@ def _relation(pulses: Pulses, axis_step: float, wheel_step: float) -> Relation:
 
     once = integral(q1)
     columns = np.column_stack([-q1, -once, -integral(once), np.ones_like(t), t, t * t])
-    scale = np.abs(columns).max(axis=0)
-    solution, *_ = np.linalg.lstsq(columns / scale, q2, rcond=None)
-    residual = q2 - columns @ (solution / scale)
+    fit = fit_linear(columns, q2)
     # errors of an integral are alike over many samples: count as many as there are halves of a pulse
-    freedom = max(float(t[-1]) / PULSE - len(solution), 1.0)
-    normal = (
-        np.linalg.pinv((columns / scale).T @ (columns / scale))
-        * (len(t) / freedom)
-        * float(residual @ residual)
-        / len(t)
-    )
-    covariance = normal / np.outer(scale, scale)
-    theta = solution / scale
-    return Relation(float(theta[0]), float(theta[2]), covariance[np.ix_([0, 2], [0, 2])])
+    freedom = max(float(t[-1]) / PULSE - len(fit.values), 1.0)
+    covariance = fit.normal * float(fit.residuals @ fit.residuals) / freedom
+    return Relation(float(fit.values[0]), float(fit.values[2]), covariance[np.ix_([0, 2], [0, 2])])
 
 
 def _signs(rig: Rig, pulses: Pulses, found: Relation) -> tuple[int, int, int]:

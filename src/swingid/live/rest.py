@@ -16,6 +16,7 @@ import numpy as np
 from swingid.errors import DeviceError
 from swingid.live.guard import Board
 from swingid.live.machine import EMULATED
+from swingid.numerics.regression import fit_linear
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ def _centre(time: Array, counts: Array, period: float | None) -> tuple[float, fl
         return middle, float(np.ptp(counts)) / 2 if np.ptp(counts) > STEPS else 0.0
     phase = 2 * math.pi * time / period
     columns = np.column_stack([np.ones_like(time), np.cos(phase), np.sin(phase)])
-    found = np.linalg.lstsq(columns, counts - middle, rcond=None)[0]
+    found = fit_linear(columns, counts - middle).values
     return middle + float(found[0]), float(np.hypot(found[1], found[2]))
 
 

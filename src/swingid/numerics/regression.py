@@ -62,6 +62,21 @@ class LinearFit:
         covariance *= independent / spare
         return covariance
 
+    @property
+    def normal(self) -> Array:
+        """(X'X)⁻¹ (p, p): the covariance of the values by independent residuals of variance 1."""
+        return gram(self.influence)
+
+
+def squared_distance(values: Array, covariance: Array, smallest: float = 1e-9) -> float:
+    """Squared Mahalanobis distance of values (p,) from 0: Wald's statistic, chi-square where they are normal.
+
+    Of the covariance, scaled to correlations, directions below `smallest` of the largest are left out.
+    """
+    scale = np.sqrt(np.maximum(np.diag(covariance), TINY))
+    inverse = np.linalg.pinv(covariance / np.outer(scale, scale), rcond=smallest, hermitian=True)
+    return float(values / scale @ inverse @ (values / scale))
+
 
 def gram(rows: Array) -> Array:
     """X Xᵀ of rows X (..., p, n), for p of some dozens, by products too small for more than one processor."""

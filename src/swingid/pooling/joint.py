@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.numerics.arrays import Array
+from swingid.numerics.regression import squared_distance
 from swingid.pooling.pooling import BETWEEN, Pooled, pool
 from swingid.result.result import Result
 from swingid.result.sources import Identity, is_correlated, value_of, values_of
@@ -111,7 +112,7 @@ def outlying_pair(pairs: Pairs) -> tuple[int, float] | None:
     for k in range(count):
         apart = -pairs.gains([j for j in range(count) if j != k])
         apart[:, 2 * k : 2 * k + 2] += np.eye(2)
-        far.append(math.sqrt(_distance(apart @ flat, apart @ whole @ apart.T) / limit))
+        far.append(math.sqrt(squared_distance(apart @ flat, apart @ whole @ apart.T) / limit))
     worst = int(np.argmax(far))
     return (worst, far[worst]) if far[worst] > 1 else None
 
@@ -140,15 +141,8 @@ def _excess(pairs: Pairs, gains: Array) -> float:
         return 0.0
     centring = np.eye(2 * count) - np.tile(gains, (count, 1))
     residual = centring @ pairs.values.ravel()
-    observed = _distance(residual, centring @ pairs.covariance() @ centring.T)
+    observed = squared_distance(residual, centring @ pairs.covariance() @ centring.T)
     return max(0.0, observed / (2 * (count - 1)) - 1)
-
-
-def _distance(residual: Array, spread: Array) -> float:
-    """Squared Mahalanobis distance, on the directions in which the spread is not zero."""
-    scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
-    inverse = np.linalg.pinv(spread / np.outer(scale, scale), rcond=1e-9, hermitian=True)
-    return float(residual / scale @ inverse @ (residual / scale))
 
 
 def given_by_all(results: Sequence[Result]) -> list[str]:

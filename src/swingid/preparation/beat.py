@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints, median
+from swingid.numerics.regression import fit_linear
 
 CLEAR = 8
 """Steps of the encoder, and standard deviations of a row's turn by noise, that a row must turn for a repeated or a
@@ -85,7 +86,7 @@ def _period(starts: Ints) -> tuple[float, float] | None:
     k += int(np.argmax(seen[k : k + 10]))
     period = 1 / float(frequencies[k])
     number = np.cumsum(np.append(0, np.rint(np.diff(starts) / period)))
-    period, first = np.polyfit(number, starts, 1)
+    first, period = fit_linear(np.column_stack([np.ones_like(number), number]), starts.astype(float)).values
     return (float(first), float(period)) if _resultant(starts, 1 / period) > REGULAR else None
 
 

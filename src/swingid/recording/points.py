@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.numerics.regression import fit_linear
 from swingid.recording.findings import Finding
 
 if TYPE_CHECKING:
@@ -137,23 +138,20 @@ def _fitted(x: Array, y: Array) -> Circle | None:
     u, v = (x - middle[0]) / size, (y - middle[1]) / size
     line = float(np.linalg.svd(np.column_stack((u, v)), compute_uv=False)[-1]) / np.sqrt(len(u))
     algebraic = np.column_stack((2 * u, 2 * v, np.ones_like(u)))
-    a, b, c = np.linalg.lstsq(algebraic, u * u + v * v, rcond=None)[0]
+    a, b, c = fit_linear(algebraic, u * u + v * v).values
     theta = np.array([a, b, np.sqrt(max(c + a * a + b * b, 1e-12))])
     for _ in range(50):
         along, distance = np.array([theta[0] - u, theta[1] - v]), np.hypot(u - theta[0], v - theta[1])
         jacobian = np.column_stack((*(along / np.maximum(distance, 1e-12)), -np.ones_like(u)))
-        step = np.linalg.lstsq(jacobian, theta[2] - distance, rcond=None)[0]
-        theta = theta + step
+        fit = fit_linear(jacobian, theta[2] - distance)
+        theta, step = theta + fit.values, fit.values
         if not np.isfinite(theta).all() or abs(theta[2]) > 1e4:
             return None  # a line
         if np.abs(step).max() < 1e-10:
             break
     residual = np.hypot(u - theta[0], v - theta[1]) - theta[2]
     variance = float(residual @ residual) / (len(u) - 3)
-    try:
-        covariance = np.linalg.inv(jacobian.T @ jacobian)[:2, :2] * variance * _correlated(residual)
-    except np.linalg.LinAlgError:
-        return None
+    covariance = fit.normal[:2, :2] * variance * _correlated(residual)
     centre = float(theta[0] * size + middle[0]), float(theta[1] * size + middle[1])
     return Circle(centre, float(theta[2]) * size, float(np.sqrt(variance)) * size, covariance * size**2, line * size)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from swingid.numerics.regression import fit_linear
 from swingid.numerics.spline import spline_slopes
 
 if TYPE_CHECKING:
@@ -44,7 +45,8 @@ def rate_of(time: Array, angle: Array, rate_is: RateIs) -> Array:
 
 def line_of(time: Array, values: Array) -> tuple[float, float]:
     """Value at the middle of the time, and slope, of the straight line nearest to `values`."""
-    slope, value = np.polyfit(time - (time[0] + time[-1]) / 2, values, 1)
+    since = time - (time[0] + time[-1]) / 2
+    value, slope = fit_linear(np.column_stack([np.ones_like(since), since]), values).values
     return float(value), float(slope)
 
 

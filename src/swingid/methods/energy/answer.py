@@ -15,7 +15,7 @@ from swingid.methods.energy.fit import PassFit
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
-from swingid.numerics.regression import NEIGHBOURS
+from swingid.numerics.regression import NEIGHBOURS, squared_distance
 from swingid.preparation.prepared import Part
 from swingid.result.result import Details, FrictionCurve, Message, SwingSeries
 from swingid.uncertainty.budget import Evaluated, Scatter, evaluate, scatter, systematic
@@ -99,7 +99,7 @@ def _depends_on_direction(fit: PassFit) -> bool:
     odd = fit.value("coulomb") + fit.value("viscous") * speed + fit.value("quadratic") * speed**2
     if max(abs(values[0]), abs(values[1]) * speed) < LEAST_EVEN * abs(odd):
         return False
-    return bool(values @ np.linalg.pinv(covariance) @ values > INDICATED_PAIR)
+    return squared_distance(values, covariance) > INDICATED_PAIR
 
 
 def with_chain(

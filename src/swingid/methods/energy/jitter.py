@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.numerics.arrays import Array, Bools, Ints, median
+from swingid.numerics.regression import fit_linear
 from swingid.preparation.motion import DIFFERENCES, sixth_differences
 from swingid.preparation.noise import EVEN, Noise
 from swingid.recording.recording import Recording
@@ -91,10 +92,9 @@ def _of_channel(values: Array, rows: Ints, step: float, level: float, resolution
         return 0.0, level
     # the relative standard uncertainty of the median is the same in all classes
     columns = np.column_stack([np.ones(CLASSES), square]) / power[:, None]
-    inverse = np.linalg.pinv(columns.T @ columns)
-    still, moving = inverse @ columns.sum(axis=0)
-    left = 1 - columns @ np.array([still, moving])
-    spread = np.sqrt(inverse[1, 1] * (left @ left) / (CLASSES - 2))
+    fit = fit_linear(columns, np.ones(CLASSES))
+    still, moving = fit.values
+    spread = np.sqrt(fit.normal[1, 1] * (fit.residuals @ fit.residuals) / (CLASSES - 2))
     total = np.sqrt(max(still, 0.0) + max(moving, 0.0) * np.mean(speed**2))
     if moving < CERTAIN * spread or total < LOUDER * level:
         return 0.0, level

@@ -14,6 +14,7 @@ from swingid.balance.systematics import place_torque
 from swingid.checks.angle import ZERO, scale_off, zero_entry, zero_off
 from swingid.checks.closure import balance_open
 from swingid.checks.hypothesis import Evidence, Hypothesis, Judged
+from swingid.checks.jumps import jump_entry
 from swingid.checks.latency import channel_late
 from swingid.checks.place import PLACE, place_found, spring_not_stated, torque_computed
 from swingid.checks.ran import ran
@@ -28,7 +29,7 @@ from swingid.checks.stability import (
 )
 from swingid.checks.stated import CONFLICT, conflict, encoders_bent, gravity_off
 from swingid.checks.wheel import SLIP, slip_entry, wheel_slips
-from swingid.recording.findings import Kind
+from swingid.recording.findings import JUMPS, Kind
 from swingid.result.result import Message
 
 ANGLE = ("zero-off", "angle-scale")
@@ -91,7 +92,7 @@ TABLE = (
 CONTRADICTIONS = tuple(one.code for one in TABLE if one.contradicts)
 """Codes of what a log contradicts in its rig file, each with an entry of the budget that holds the disagreement."""
 
-NAMED = (ZERO, SLIP, CONFLICT, PLACE, PARTS)
+NAMED = (ZERO, SLIP, CONFLICT, PLACE, PARTS, JUMPS)
 """Sources of the budget that are named by messages, and neither make an answer hopeless nor hide its causes."""
 
 
@@ -119,8 +120,12 @@ def messages_of(evidence: Evidence, judged: Judged, found: Iterable[str] = ()) -
 
 
 def entries(evidence: Evidence, u: float, *, own: bool) -> dict[str, float]:
-    """Standard uncertainties of the inertia by source, of an estimate whose type A is `u`; own: see `Judged`."""
-    return {source: spread for one in TABLE for source, spread in one.entries(evidence, u, own).items()}
+    """Standard uncertainties of the inertia by source, of an estimate whose type A is `u`; own: see `Judged`.
+
+    Of the hypotheses, and of what was found when the log was read.
+    """
+    found = {source: spread for one in TABLE for source, spread in one.entries(evidence, u, own).items()}
+    return found | {JUMPS: jump_entry(evidence)}
 
 
 @dataclass(frozen=True)

@@ -155,7 +155,7 @@ class Prepared:
         log = self.log
         off = of_selected(log, self._motion(log, part.noise.angle), self.rig.drive.channel) if log.selected else None
         log = replace(log, findings=(*log.findings, off)) if off else log
-        add_findings(log, warnings, notes, used=(part.start, part.stop))
+        add_findings(log, warnings, notes, used=(part.start, part.stop), budget=evaluated.budget)
         decided = {
             "corrections": [one.as_dict() for one in (*self.corrections, *found)],
             "part": [part.start, part.stop],

@@ -261,10 +261,11 @@ class Reading:
         *,
         at: Iterable[float] = (),
         of_time: float = 0.0,
+        source: str = "",
     ) -> None:
-        """Add a finding; at: instants (s) where it happened; of_time: see `Finding`."""
+        """Add a finding; at: instants (s) where it happened; of_time, source: see `Finding`."""
         spans = tuple((float(instant), float(instant)) for instant in at)
-        self.findings.append(Finding(code, message, level, repair, spans=spans, of_time=of_time))
+        self.findings.append(Finding(code, message, level, repair, spans=spans, of_time=of_time, source=source))
 
 
 def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:

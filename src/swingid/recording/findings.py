@@ -28,6 +28,10 @@ class Kind(Enum):
     ANGLE_BESIDE = auto()
 
 
+JUMPS = "jumps of an angle"
+"""Source in the budget of the inertia: what jumps that were found in an angle do to it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """Something that was noticed in a log: a `code` for scripts, a sentence for people.
@@ -37,7 +41,8 @@ class Finding:
     warning reports happened; where that is outside of the rows that a method used, it is a note. Empty: everywhere.
     of_time: relative standard uncertainty of the time that a repair restored; of_zero: standard uncertainty (rad) of
     the zero of the angle, where the log states it. of_pivot: standard uncertainties (rad) of cosine and sine part of
-    the angle by a pivot that was fitted to the marks of a video; None where none was.
+    the angle by a pivot that was fitted to the marks of a video; None where none was. source: of the budget that has
+    all of what it does to the inertia; where the rest of the budget outweighs that, it is a note.
     """
 
     code: str
@@ -49,6 +54,7 @@ class Finding:
     of_time: float = 0.0
     of_zero: float = 0.0
     of_pivot: tuple[float, float] | None = None
+    source: str = ""
 
     def within(self, start: float, stop: float) -> Finding:
         """Return the finding as it counts where only the rows from start to stop (s) are used."""

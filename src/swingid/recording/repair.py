@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from swingid.recording.continuity import find_jumps, find_spikes, is_wrapped, unwrap
+from swingid.recording.findings import JUMPS
 from swingid.recording.lost_rows import find_lost
 from swingid.recording.rows import even_clock, even_places, few, rows_in_order, take
 
@@ -154,7 +155,8 @@ def warn_of_jumps(channels: Channels, reading: Reading, rows: int = 1) -> None:
         shown = ", ".join(f"{size:.3g} at {channels['time'][row]:g} s" for row, size in jumps[:3])
         message = f"{reading.column(channel)} jumps by {shown}{', ...' if len(jumps) > 3 else ''}"
         message += "; if the encoder slipped or lost counts there, use a log of one side of it."
-        reading.found("jumps", message, "warning", at=[channels["time"][row] for row, _ in jumps])
+        at = [channels["time"][row] for row, _ in jumps]
+        reading.found("jumps", message, "warning", at=at, source=JUMPS)
 
 
 def report_gaps(time: Array, reading: Reading) -> None:

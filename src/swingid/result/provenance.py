@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 
@@ -18,6 +18,7 @@ from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 from swingid.result.encoders import encoder_defaults
 from swingid.result.result import Message
+from swingid.uncertainty.budget import BudgetEntry, outweighed
 from swingid.units import Quantity, UnknownScale
 
 
@@ -82,18 +83,19 @@ def add_findings(
     *,
     leave_out: Kind | None = None,
     used: tuple[float, float] | None = None,
+    budget: Sequence[BudgetEntry] = (),
 ) -> None:
     """Add what was found in the log when it was read to the warnings and the notes of a result, each to its kind.
 
-    used: from when to when (s) rows were used, by default all of the log; what happened outside is a note.
+    used: from when to when (s) rows were used, by default all of the log; what happened outside is a note. budget: of
+    the result; an effect that it has and that its other entries outweigh is a note.
     """
     start, stop = used or (float(log.time[0]), float(log.time[-1]))
     for own in log.findings:
         finding = own.within(start, stop)
         if leave_out is None or finding.kind is not leave_out:
-            (warnings if finding.level == "warning" else notes).append(
-                Message(finding.code, finding.message, finding.kind)
-            )
+            is_note = finding.level == "note" or outweighed(budget, "inertia", finding.source)
+            (notes if is_note else warnings).append(Message(finding.code, finding.message, finding.kind))
 
 
 ROW_ONE = (

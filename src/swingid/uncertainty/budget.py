@@ -17,6 +17,7 @@ from swingid.errors import UnanswerableError, missing_package
 from swingid.format import time_power
 from swingid.numerics.arrays import Array
 from swingid.uncertainty.freedom import coverage_factor, effective_freedom
+from swingid.uncertainty.significance import MATTERS
 
 Distribution = Literal["normal", "rectangular"]
 
@@ -170,6 +171,13 @@ class Parameter:
 def combined(budget: Iterable[BudgetEntry], parameter: str) -> float:
     """Combined standard uncertainty: root of the sum of squares of all entries of a parameter (JCGM 100 5.1.2)."""
     return math.sqrt(sum(entry.standard_uncertainty**2 for entry in budget if entry.parameter == parameter))
+
+
+def outweighed(budget: Sequence[BudgetEntry], parameter: str, source: str) -> bool:
+    """Whether the budget of a parameter has what this source does, and its other entries make that matter little."""
+    effect = combined((entry for entry in budget if entry.source == source), parameter)
+    rest = combined((entry for entry in budget if entry.source != source), parameter)
+    return 0 < effect <= MATTERS * rest
 
 
 def freedom_of(budget: Iterable[BudgetEntry], parameter: str) -> float:

@@ -174,7 +174,7 @@ def combined(budget: Iterable[BudgetEntry], parameter: str) -> float:
 
 
 def outweighed(budget: Sequence[BudgetEntry], parameter: str, source: str) -> bool:
-    """Whether the budget of a parameter has what this source does, and its other entries make that matter little."""
+    """True where the budget of a parameter has what this source does, and its other entries outweigh that."""
     effect = combined((entry for entry in budget if entry.source == source), parameter)
     rest = combined((entry for entry in budget if entry.source != source), parameter)
     return 0 < effect <= MATTERS * rest

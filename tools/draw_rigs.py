@@ -16,11 +16,12 @@ STYLE = """
 .drive { stroke: #c4571a; fill: #c4571a; fill-opacity: .2; stroke-width: 2.2 }
 .arrow { stroke: #c4571a; fill: none; stroke-width: 2 }
 .angle { stroke: #1f6fb2; fill: none; stroke-width: 1.6 }
+.size { stroke: #1f6fb2; fill: none; stroke-width: 1 }
 text { font: 13px sans-serif; fill: #333 }
 .b { fill: #1f6fb2 } .d { fill: #c4571a }
 @media (prefers-color-scheme: dark) {
   .ink, .thin { stroke: #ddd } text { fill: #ddd }
-  .body, .angle { stroke: #6db3ee } .body { fill: #6db3ee } .b { fill: #6db3ee }
+  .body, .angle, .size { stroke: #6db3ee } .body { fill: #6db3ee } .b { fill: #6db3ee }
   .drive, .arrow { stroke: #f0955a } .drive { fill: #f0955a } .d { fill: #f0955a }
 }
 """
@@ -85,6 +86,34 @@ def pendulum(x: float, y: float, degrees: float, length: float = 95, bob: float 
     return turned(x, y, degrees, [box(-4, 0, 8, length, "body"), circle(0, length, bob, "body")])
 
 
+def weight(x: float, y: float, degrees: float, length: float, aside: float = 22, bob: float = 15) -> list[str]:
+    """Where m g and l of a pendulum are measured; aside: of the line of l from the rod."""
+    a = math.radians(-degrees)
+    end = x + length * math.sin(a), y + length * math.cos(a)
+    far = aside * math.cos(a), -aside * math.sin(a)
+    first, last = (x + far[0], y + far[1]), (end[0] + far[0], end[1] + far[1])
+    middle = (first[0] + last[0]) / 2 + 8, (first[1] + last[1]) / 2
+    foot = end[1] + bob + 26
+    return [
+        line(*first, *last, "size"),
+        *[
+            line(
+                px - far[0] / aside * 4,
+                py - far[1] / aside * 4,
+                px + far[0] / aside * 4,
+                py + far[1] / aside * 4,
+                "size",
+            )
+            for px, py in (first, last)
+        ],
+        words(*middle, "l", "b"),
+        line(end[0], end[1] + bob, end[0], foot, "size"),
+        line(end[0] - 4, foot - 7, end[0], foot, "size"),
+        line(end[0] + 4, foot - 7, end[0], foot, "size"),
+        words(end[0] + 8, foot, "m g", "b", "start"),
+    ]
+
+
 def driven_wheel() -> list[str]:
     """The paper's rig."""
     wheel = [box(-4, 0, 8, 92, "body"), circle(0, 92, 30, "drive"), line(-30, 92, 30, 92, "arrow"), circle(0, 92, 5)]
@@ -108,8 +137,8 @@ def free_pendulum() -> list[str]:
         line(120, 34, 120, 130, "thin"),
         pendulum(120, 34, -28),
         arc(120, 34, 66, 0, 26),
-        words(148, 116, "q", "b", "start"),
-        words(210, 160, "m g l", "b"),
+        words(131, 118, "q", "b"),
+        *weight(120, 34, -28, 95),
     ]
 
 
@@ -118,13 +147,15 @@ def strings() -> list[str]:
     found = []
     for x, tops, ends, name in (
         (45, (0,), (0,), "wire k"),
-        (130, (-26, 26), (-20, 20), "bifilar"),
+        (130, (-22, 22), (-22, 22), "bifilar"),
         (215, (-27, 4, 27), (-24, 6, 24), "trifilar"),
     ):
         found += ground(x, 24, 32)
         found += [line(x + a, 24, x + b, 110, "thin") for a, b in zip(tops, ends, strict=True)]
         found += [f'<ellipse class="body" cx="{x}" cy="114" rx="34" ry="11"/>', arc(x, 130, 30, -55, 55, squash=0.45)]
         found.append(words(x, 172, name))
+    found += [words(116, 66, "L", "b"), line(108, 100, 152, 100, "size"), words(130, 96, "d", "b")]
+    found += [words(201, 66, "L", "b"), line(215, 114, 239, 110, "size"), words(229, 107, "r", "b")]
     return found
 
 
@@ -138,7 +169,8 @@ def direct() -> list[str]:
         words(70, 72, "τ", "d"),
         line(120, 40, 120, 128, "thin"),
         arc(120, 40, 66, 0, 26),
-        words(148, 122, "q", "b", "start"),
+        words(131, 124, "q", "b"),
+        *weight(120, 40, -28, 88),
     ]
 
 
@@ -146,14 +178,15 @@ def servo() -> list[str]:
     """A motor on the axis with a voltage."""
     return [
         box(84, 18, 62, 44, "drive", 6),
-        words(152, 36, "motor, gear", "d", "start"),
+        words(14, 82, "motor, gear", "d", "start"),
         circle(115, 50, 6, "ink"),
         pendulum(115, 50, -28, 80, 13),
         line(84, 40, 40, 40, "arrow"),
         words(30, 44, "u", "d"),
         line(115, 50, 115, 132, "thin"),
         arc(115, 50, 62, 0, 26),
-        words(142, 128, "q", "b", "start"),
+        words(126, 130, "q", "b"),
+        *weight(115, 50, -28, 80, aside=45, bob=13),
     ]
 
 

@@ -101,7 +101,11 @@ def percent(fraction: float, *, sign: bool = False, fine: bool = False) -> str:
         digits = _digits(share, last_place(share), 0)
     if sign and share > 0:
         digits = f"+{digits}"
-    return f"{digits.replace('-', '−')}\u00a0%" if fine else f"{digits} %"
+    if not fine:
+        return f"{digits} %"
+    plain, _, power = digits.partition("e")
+    digits = f"{plain}\u00a0×\u00a010{str(int(power)).translate(RAISED)}" if power else plain
+    return f"{digits.replace('-', '−')}\u00a0%"
 
 
 def number(value: float, unit: str = "", digits: int = 4, *, fine: bool = False) -> str:

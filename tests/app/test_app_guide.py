@@ -14,9 +14,9 @@ import pytest
 
 from browser import browser, listen, picture, served
 from swingid import Recording, Rig, identify
-from swingid.app.analysis import answered, looked, sketched, track_of
+from swingid.app.analysis import answered, looked, reported, sketched, track_of
 from swingid.app.draft import Draft, case_of, mend_of
-from swingid.app.keep import command, five_lines
+from swingid.app.keep import command, five_lines, notebook
 from swingid.app.kinds import KINDS, drawing, kind_of_rig
 from swingid.app.look import safe_name
 from swingid.cli import main
@@ -89,7 +89,7 @@ def test_from_a_dropped_file_to_what_is_kept(log, tmp_path):
         choose(page, "what pendulum_deg is", "angle")
         page.get_by_text("your choice").wait_for(timeout=SLOW)
         choose(page, "unit of pendulum_deg", "deg")
-        choose(page, "sign of pendulum_deg", "−")
+        choose(page, "sign of pendulum_deg", "sign −")
         picture(page, "guide-look")
         next_step(page, "Next: which rig?")
 
@@ -231,6 +231,18 @@ def test_the_lines_of_python_and_the_command_give_what_the_page_shows(log, tmp_p
         assert (one["value"], one["standard_uncertainty"]) == own
     # without parts both releases are found, and each is one
     assert len(made["result"].per_part) == len(written.get("per_part", ())) == (0 if len(parts) == 1 else 2)
+
+
+def test_lines_and_notebook_name_a_method_that_is_chosen(log):
+    case = case_of(Draft.of({"a log.csv": log}, Rig.from_text(RIG)))
+    assert 'sw.identify(log, rig, "energy")' in five_lines(case, "energy")
+    assert command(case, "energy").endswith("--rig rig.toml --method energy")
+    assert 'rig, \\"energy\\")' in notebook(case, "energy")
+
+
+def test_a_report_names_files_without_folders(log):
+    case = case_of(Draft.of({"a log.csv": log}, Rig.from_text(RIG)))
+    assert str(log.parent).encode() not in reported(case, "momentum", {}, ".html")
 
 
 def test_each_release_is_offered(log):

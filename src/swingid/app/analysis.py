@@ -256,8 +256,10 @@ def reported(case: Case, method: str, factors: Factors, ending: str) -> bytes:
     from swingid.report import write_report
 
     plant, logs = _given(case, factors)
-    result = _answer(case, method, factors)
+    result = answered(case, method, factors)
     drawn = in_parts(logs, case.parts) if len(case.parts) == 1 else logs
+    if isinstance(drawn, Recording):
+        drawn = replace(drawn, source=named(drawn.source, case))
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"report{ending}"
         write_report(result, drawn if isinstance(drawn, Recording) else None, plant, path)

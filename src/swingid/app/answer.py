@@ -170,7 +170,8 @@ def number_of(found: Result, *, linear: bool) -> None:
     with ui.column().classes("gap-0 w-full").props('role="group" aria-label="answer"'):
         words = parameter_word(found.leading, linear=linear).words
         ui.label(words[:1].upper() + words[1:]).classes("swingid-quiet")
-        ui.label(value_and_reach(found.main, fine=True).replace("\N{NO-BREAK SPACE}", " ")).classes("swingid-large")
+        value = value_and_reach(found.main, fine=True)
+        ui.label(value.replace("\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}", " ± ")).classes("swingid-large")
         ui.label(coverage(found.main)).classes("swingid-unit swingid-numbers")
 
 
@@ -225,7 +226,7 @@ def shares(found: Result) -> None:
     for entry in entries:
         width = 100 * entry.standard_uncertainty / entries[0].standard_uncertainty
         track = f'<div class="swingid-bar-track"><div class="swingid-bar-fill" style="width:{width:.1f}%"></div></div>'
-        text = share(entry.standard_uncertainty, found.main)
+        text = share(entry.standard_uncertainty, found.main, fine=True)
         rows.append(row(f"<div>{escaped(in_words(entry.source))}</div>{track}<div>{text}</div>"))
     made = "".join(rows)
     html(f'<div class="swingid-rows swingid-shares" role="img" aria-label="contributions">{made}</div>', "w-full")

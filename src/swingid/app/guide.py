@@ -21,7 +21,7 @@ from swingid.result.brief import value_and_reach
 
 WORDS = (
     ("Look", "what the columns of your log are"),
-    ("Which rig?", "waits for a log"),
+    ("Which rig?", "waits for the columns of a log"),
     ("What you know", "waits for the kind of rig"),
     ("Part", "waits for the rig"),
     ("Answer", "waits for the part of the log"),

@@ -24,17 +24,29 @@ class Keep:
         """A button for each file, and the lines of Python."""
         case = case_of(self.draft)
         with ui.element("div").classes("swingid-chips"):
-            self.method = ui.select(list(METHODS), value=DEFAULT, label="method").classes("w-44")
+            self.method = ui.select(list(METHODS), value=DEFAULT, label="method", on_change=self._written).classes(
+                "w-44"
+            )
             self.method.props("dense outlined")
             plain_button("Report, PDF", lambda: self._report(".pdf"))
             plain_button("Report, HTML", lambda: self._report(".html"))
             plain_button("rig.toml", lambda: ui.download.content(case.rig, "rig.toml"))
             plain_button("Result, JSON", self._result)
-            plain_button("Notebook", lambda: ui.download.content(notebook(case), "swingid.ipynb"))
+            plain_button(
+                "Notebook", lambda: ui.download.content(notebook(case, str(self.method.value)), "swingid.ipynb")
+            )
         ui.label("The same in Python").classes("swingid-strong")
-        html(f'<pre class="swingid-code" aria-label="Python">{escaped(five_lines(case))}</pre>', "w-full")
+        self.python = html("", "w-full")
         ui.label("and in a terminal").classes("swingid-strong")
-        html(f'<pre class="swingid-code">{escaped(command(case))}</pre>', "w-full")
+        self.terminal = html("", "w-full")
+        self._written()
+
+    def _written(self) -> None:
+        """The lines of the method that is chosen."""
+        case, method = case_of(self.draft), str(self.method.value)
+        lines = escaped(five_lines(case, method))
+        self.python.set_content(f'<pre class="swingid-code" aria-label="Python">{lines}</pre>')
+        self.terminal.set_content(f'<pre class="swingid-code">{escaped(command(case, method))}</pre>')
 
     async def _report(self, ending: str) -> None:
         try:
@@ -49,7 +61,7 @@ class Keep:
         ui.download.content(found.to_json(), "result.json")
 
 
-def five_lines(case: Case) -> str:
+def five_lines(case: Case, method: str = DEFAULT) -> str:
     """Python that reads the logs beside rig.toml and gives the same result."""
     names = [json.dumps(name, ensure_ascii=False) for name, _ in case.logs]
     lines = ["import swingid as sw", 'rig = sw.Rig.load("rig.toml")']
@@ -57,25 +69,27 @@ def five_lines(case: Case) -> str:
         lines.append(f"log = [sw.Recording.load(name, rig) for name in ({', '.join(names)})]")
     else:
         lines.append(f"log = sw.Recording.load({names[0]}, rig)")
-    more = f", part={list(case.parts)!r}" if case.parts else f", added={list(case.added)!r}" if case.added else ""
+    more = "" if method == DEFAULT else f', "{method}"'
+    more += f", part={list(case.parts)!r}" if case.parts else f", added={list(case.added)!r}" if case.added else ""
     return "\n".join([*lines, f"result = sw.identify(log, rig{more})", "print(result.summary())"]) + "\n"
 
 
-def command(case: Case) -> str:
+def command(case: Case, method: str = DEFAULT) -> str:
     """The same in a terminal."""
     words = ["swingid", "identify", *(shlex.quote(name) for name, _ in case.logs), "--rig", "rig.toml"]
+    words += [] if method == DEFAULT else ["--method", method]
     words += [f"--part {start!r}:{stop!r}" for start, stop in case.parts]
     return " ".join([*words, *(f"--added {shlex.quote(one)}" for one in case.added)])
 
 
-def notebook(case: Case) -> str:
+def notebook(case: Case, method: str = DEFAULT) -> str:
     """The same as a Jupyter notebook that writes rig.toml first."""
     cells = [
         _cell(
             "markdown", "# Moment of inertia, by swingid\n\nThe log lies beside this notebook; `pip install swingid`."
         ),
         _cell("code", f"%%writefile rig.toml\n{case.rig}"),
-        _cell("code", five_lines(case).rstrip()),
+        _cell("code", five_lines(case, method).rstrip()),
         _cell("code", "result.plot();"),
     ]
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}

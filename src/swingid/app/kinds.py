@@ -131,6 +131,7 @@ def _value(name: str, words: str, where: str, key: str, example: str, cost: str,
 
 
 RATIO = "The answer is a ratio to it, not in kg m²."
+STRINGS_UNKNOWN = "Not known: choose a body on a wire, with a stiffness that is not known."
 FREE_UNKNOWN = "The answer is m g l over the inertia, not kg m²."
 DRIVEN_UNKNOWN = "It is identified with the inertia; that needs motions of two frequencies, and the interval is wider."
 ENCODER = _encoder(
@@ -171,18 +172,18 @@ KINDS = (
          ("strings", 0.31, 0.36), "none", (
              _value("mass", "Mass of all that hangs", "Weigh it with what carries it.", "axis.bifilar.mass",
                     "2.10 ± 0.01 kg", "The answer is a ratio to the mass."),
-             Question("length", "Length of the strings", "From clamp to clamp.",
-                      (Way("value", (Field("axis.bifilar.length", "length", "1.000 ± 0.002 m"),)),)),
+             Question("length", "Length of the strings", f"From clamp to clamp. {STRINGS_UNKNOWN}",
+                      (Way("value", (Field("axis.bifilar.length", "length L", "1.000 ± 0.002 m"),)),)),
              Question("distance", "Distance of the strings", "At the body; above it is the same.",
-                      (Way("value", (Field("axis.bifilar.distance", "distance", "450 ± 1 mm"),)),)), ENCODER)),
+                      (Way("value", (Field("axis.bifilar.distance", "distance d", "450 ± 1 mm"),)),)), ENCODER)),
     Kind("trifilar", "A body on three strings", "Twists about the vertical; strings on a circle.",
          ("strings", 0.66, 0.34), "none", (
              _value("mass", "Mass of all that hangs", "Weigh it with what carries it.", "axis.trifilar.mass",
                     "2.10 ± 0.01 kg", "The answer is a ratio to the mass."),
-             Question("length", "Length of the strings", "From clamp to clamp.",
-                      (Way("value", (Field("axis.trifilar.length", "length", "1.000 ± 0.002 m"),)),)),
+             Question("length", "Length of the strings", f"From clamp to clamp. {STRINGS_UNKNOWN}",
+                      (Way("value", (Field("axis.trifilar.length", "length L", "1.000 ± 0.002 m"),)),)),
              Question("radius", "Radius of the circle on which the strings hold the body", "From its middle.",
-                      (Way("value", (Field("axis.trifilar.radius", "radius", "150 ± 0.5 mm"),)),)), ENCODER)),
+                      (Way("value", (Field("axis.trifilar.radius", "radius r", "150 ± 0.5 mm"),)),)), ENCODER)),
     Kind("direct", "A known torque on the axis", "A motor whose torque is logged swings the body.",
          ("direct", 0, 1), "direct", (
              _value("gain", "Torque per unit of its column", "1 where the column is in N m; else from a lever on a "

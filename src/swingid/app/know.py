@@ -62,7 +62,7 @@ class Know:
         with ui.element("div").classes("swingid-columns"):
             self.place = ui.column().classes("w-full gap-0")
             with ui.column().classes("w-full gap-2"):
-                html(drawing(*kind.picture))
+                html(drawing(*kind.picture), "w-full swingid-measured")
                 ui.label("rig.toml").classes("swingid-strong")
                 self.code = html("", "w-full")
                 plain_button("Copy", lambda: ui.clipboard.write(self.draft.text()))

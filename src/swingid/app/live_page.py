@@ -130,7 +130,7 @@ class LivePage:
     def build(self) -> None:
         """Lay the page out."""
         self.frame = Frame(self.plant.name, "Connect the rig, check it, rehearse the motion, run it.")
-        with self.frame.place, ui.element("div").classes("swingid-live"):
+        with self.frame.place, ui.element("div").classes("swingid-live") as self.beside:
             with ui.column().classes("swingid-beside gap-2"):
                 self.view = RigView(kind_of(kind_of_rig(self.plant)))
                 text = "Another page controls this rig; here you watch. STOP works everywhere."
@@ -316,6 +316,8 @@ class LivePage:
         journal = self.task.found.get("journal", "") if self.task.ended else ""
         for name in ("result", "report"):
             self._show(name, bool(journal or self.shown), False)
+        if (wide := self.open in ("result", "report")) != ("wide" in self.beside.classes):
+            self.beside.classes(add="wide" if wide else "", remove="" if wide else "wide")
         self.bar.show(self._state_words(), moves=self._may_move(), share=self._share())
         self.frame.say(self._sentence())
         if journal and journal != self.shown:

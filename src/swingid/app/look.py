@@ -136,7 +136,9 @@ class Look:
         column, draft = self.found["columns"][name], self.draft
         with ui.element("div").classes("swingid-channel"):
             if column["drawn"] is None or role == "time":
-                ui.label(f"{name}   {column['range']}").classes("swingid-mono")
+                with ui.column().classes("gap-0"):
+                    ui.label(name).classes("swingid-plot-title")
+                    ui.label(column["range"]).classes("swingid-quiet swingid-numbers")
             else:
                 time, values = (np.asarray(one) for one in column["drawn"])
                 unit = draft.units.get(role, "") or column["unit"]
@@ -151,18 +153,18 @@ class Look:
                         unit = draft.units.get(role, UNITS[role][0])
                         self._select(f"unit of {name}", units, unit, lambda value: self._set_unit(role, value), "w-24")
                     if role in SIGNED:
-                        signs = {1: "+", -1: "−"}
+                        signs = {1: "sign +", -1: "sign −"}
                         sign = draft.signs.get(role, 1)
-                        self._select(f"sign of {name}", signs, sign, lambda value: self._set_sign(role, value), "w-16")
-                if role == "angle" and not draft.linear:
-                    self._zero()
+                        self._select(f"sign of {name}", signs, sign, lambda value: self._set_sign(role, value), "w-28")
+                    if role == "angle" and not draft.linear:
+                        self._zero()
                 what = draft.why.get(role, "") if role else column["what"]
                 ui.label(what).classes("swingid-quiet")
 
     def _zero(self) -> None:
         zero = self.draft.zero if self.draft.zero in ("down", "up") else "other"
         words = {"down": "0 is hanging", "up": "0 is upright", "other": "hanging reads …"}
-        self._select("zero of the angle", words, zero, self._set_zero, "w-40")
+        self._select("zero of the angle", words, zero, self._set_zero, "w-44")
         if zero == "other":
             ui.input("the log reads where it hangs", value=self.draft.zero.strip()).classes("w-48").on_value_change(
                 lambda event: self._set_reading(str(event.value or ""))

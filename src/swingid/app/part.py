@@ -86,7 +86,7 @@ class Part:
             choice_button(whole, not self.draft.parts, lambda: self._set([]))
             for k, (start, stop) in enumerate(self.releases[:MOST]):
                 chosen = (start, stop) in self.draft.parts
-                words = f"release {k + 1}: {start:.4g} to {stop:.4g} s"
+                words = f"release {k + 1}: {start:.2f} to {stop:.2f} s"
                 choice_button(words, chosen, partial(self._toggle, (start, stop)))
             for part in self.draft.parts:
                 if part not in self.releases:
@@ -137,7 +137,8 @@ class Part:
         with self.checks:
             ui.label(f"{line[:1].upper()}{line[1:]}").classes("swingid-text")
             if verdict["advice"]:
-                ui.label(f"Better: {verdict['advice']}.").classes("swingid-quiet")
+                advice = verdict["advice"].replace("(--part FROM:TO)", "(drag over it)")
+                ui.label(f"Better: {advice}.").classes("swingid-quiet")
             tried = found["changes_tried"]
             wrong = [check for check in found["checks"] if check["level"] == "repair"]
             proposed = [mend_of(check["code"], check["remedy"], self.draft) for check in wrong]

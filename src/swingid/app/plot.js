@@ -120,7 +120,7 @@ export default {
           padding: [8, right, 0, 0],
           cursor: { drag: { x: true, y: false, setScale: !this.pickable } },
           select: { show: true },
-          scales: { x: { time: false }, y: { range: (_, low, high) => this.range(low, high) } },
+          scales: { x: { time: false, range: (_, low, high) => (low == null ? [0, this.window || 10] : [low, high]) }, y: { range: (_, low, high) => this.range(low, high) } },
           axes: [
             { ...axis, size: 34, splits: (plot, _, low, high) => levels(low, high, Math.max(3, plot.bbox.width / devicePixelRatio / 72)), values: (_, ticks) => this.ticks(ticks, 0).map((t, k) => (k === ticks.length - 1 ? `${t} s` : t)) },
             { ...axis, splits: (plot, _, low, high) => levels(low, high, Math.max(3, this.height / 36)), size: (_, values) => Math.max(56, 24 + 7.5 * Math.max(0, ...(values || []).map((v) => v.length))), values: (_, ticks) => this.values(ticks) },

@@ -237,11 +237,11 @@ def folded(entries: list[BudgetEntry], most: int) -> tuple[list[BudgetEntry], li
     return (entries, []) if len(entries) - count < 2 else (entries[:count], entries[count:])
 
 
-def share(uncertainty: float, parameter: Parameter) -> str:
+def share(uncertainty: float, parameter: Parameter, *, fine: bool = False) -> str:
     """An uncertainty relative to the value of the parameter, in its unit where that is 0."""
     if not parameter.value:
-        return number(uncertainty, parameter.unit, 2)
-    return percent(uncertainty / abs(parameter.value))
+        return number(uncertainty, parameter.unit, 2, fine=fine)
+    return percent(uncertainty / abs(parameter.value), fine=fine)
 
 
 def _friction(details: Details | None) -> list[str]:

@@ -19,6 +19,9 @@ from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Result, refusal
 from swingid.units import Quantity, parse_quantity
 
+NO_OPTIONS = ("log", "rig", "method", "part", "more")
+"""Parameters of `identify` that are no options of a method."""
+
 
 def identify(
     log: Logs,
@@ -30,10 +33,24 @@ def identify(
     friction: object = None,
     memory: object = None,
     variant: object = None,
+    nodes: object = None,
+    work: object = None,
+    velocities: object = None,
+    filter_time: object = None,
     cutoff: object = None,
+    instruments: object = None,
     input: object = None,
     law: object = None,
-    **options: object,
+    free: object = None,
+    loss: object = None,
+    starts: object = None,
+    segment: object = None,
+    gain: object = None,
+    gamma1: object = None,
+    gamma2: object = None,
+    alpha2: object = None,
+    alpha3: object = None,
+    **more: object,
 ) -> Result:
     """Moment of inertia and friction of the body from a log, by the named method.
 
@@ -60,14 +77,22 @@ def identify(
         "momentum": whether an impulse of friction at each reversal is fitted.
     variant : "better" (default) or "printed"
         "energy": the balance fitted to all passes, or the paper's formulas as printed.
-    cutoff : float, Hz
-        "equation-error": of the low-pass. By default a rule chooses it.
+    nodes, work : see `swingid.methods.energy.method.energy`
+        "energy": instants of the passes, s; "held" (default) or "trapezoid" for the work of the voltage.
+    velocities, filter_time : "smoothed" (default) or "observers"; float, s
+        "energy", "backstepping": how speeds are found; "energy": time constant of the filter on the voltage.
+    cutoff, instruments : float, Hz; bool
+        "equation-error": of the low-pass, by default by a rule; whether delayed regressors are instruments.
     input : "voltage" or "wheel"
         "output-error": what drives the simulated motion.
     law : text
         "output-error": friction law, by default the one of least BIC. "backstepping": "printed" or "consistent".
-    options
-        Further keyword arguments of the method's function (docs/methods.md). None stands for the default of each.
+    free, loss, starts, segment : names; "linear" (default) or "huber"; int; float, s
+        "output-error": constants that are sought too; loss of a residual; points to start from; length of a segment.
+    gain, gamma1, gamma2, alpha2, alpha3 : float
+        "backstepping": gains of the model and of the adaptation, values to start from.
+    more
+        Options of a method of your own. None stands for the default of each option.
 
     Raises
     ------
@@ -87,9 +112,8 @@ def identify(
     >>> print(result.status, f"{result.inertia.value:.4g}", result.inertia.unit)
     ok 0.003022 kg m^2
     """
-    named = {"added": added, "friction": friction, "memory": memory, "variant": variant, "cutoff": cutoff}
-    named |= {"input": input, "law": law}
-    options = {name: value for name, value in named.items() if value is not None} | options
+    given = {name: value for name, value in locals().items() if name not in NO_OPTIONS}
+    options = {name: value for name, value in (given | more).items() if value is not None}
     chosen, spans = method_of(method), parts_of(part)
     if not isinstance(rig, Rig):
         raise UsageError(f"{rig!r} is no Rig; load one with sw.Rig.load(name or path).", code="no-rig")

@@ -230,7 +230,7 @@ def pair(inertia: float, b: float, speed: float, across: float, along: float) ->
     keys = ("inertia", "gravity_torque")
     table = {one: {other: float(own[i, j]) for j, other in enumerate(keys)} for i, one in enumerate(keys)}
     parameters = run.parameters | {"gravity_torque": Parameter.of(b, entry.standard_uncertainty, "N m")}
-    return replace(run, parameters=parameters, budget=(*run.budget, entry), covariance=table)
+    return replace(run, parameters=parameters, budget=(*run.budget, entry), covariance_of_fit=table)
 
 
 def test_two_speeds_tell_inertia_and_gravity_torque_as_one_fit_of_all_rows() -> None:
@@ -315,12 +315,12 @@ def test_a_pooled_pair_is_correlated_as_its_covariance_states() -> None:
     runs = [pair(3e-3, 78e-3, speed, 1e-6, 3e-4) for speed in (8.5, 12.0)]
     tables = []
     for run in runs:
-        own, u = run.covariance, [run.parameters[name].standard_uncertainty for name in run.parameters]
+        own, u = run.covariance_of_fit, [run.parameters[name].standard_uncertainty for name in run.parameters]
         r = own["inertia"]["gravity_torque"] / (u[0] * u[1])
         tables.append({"inertia": {"inertia": 1.0, "gravity_torque": r}, "gravity_torque": {"inertia": r}})
         tables[-1]["gravity_torque"]["gravity_torque"] = 1.0
     common = combine([replace(run, correlation=own) for run, own in zip(runs, tables, strict=True)], names(2))
-    matrix = common.covariance
+    matrix = common.covariance_of_fit
     expected = matrix["inertia"]["gravity_torque"] / math.sqrt(
         matrix["inertia"]["inertia"] * matrix["gravity_torque"]["gravity_torque"]
     )

@@ -96,7 +96,7 @@ def test_two_single_speeds_tell_gravity_torque_and_inertia(tmp_path: Path) -> No
         assert abs(found.value - truth) < 3 * found.standard_uncertainty
     single = min(one.inertia.standard_uncertainty for one in result.per_log)
     assert result.inertia.standard_uncertainty < single / 30
-    assert result.covariance["inertia"]["inertia"] < result.inertia.standard_uncertainty**2 * 1.01
+    assert result.covariance_of_fit["inertia"]["inertia"] < result.inertia.standard_uncertainty**2 * 1.01
 
 
 def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

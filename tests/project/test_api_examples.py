@@ -13,7 +13,7 @@ from swingid.methods.table import METHODS
 from swingid.result.data import Details, Parameter
 
 NAMES = ("identify", "Rig", "Recording", "simulate", "compare", "inspect", "Result", "online", "difference", "validate")
-NAMES += ("design", "parse_reference", "Result.covariance_matrix")
+NAMES += ("design", "parse_reference", "Result.covariance")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -39,11 +39,9 @@ def test_the_log_comes_first_and_then_its_rig(function: object) -> None:
     assert second == "rig"
 
 
-def test_parameters_of_identify_are_options_of_a_method() -> None:
-    """All but those of any method; so completion offers no name that no method takes."""
+def test_parameters_of_identify_are_all_options_of_the_methods() -> None:
     named = {name for name, one in inspect.signature(sw.identify).parameters.items() if one.kind is one.KEYWORD_ONLY}
-    assert {"part", "added", "friction"} <= named
-    assert named - {"part", "added", "friction"} <= {name for one in METHODS.values() for name in one.options()}
+    assert named == {"part", "added", "friction"} | {name for one in METHODS.values() for name in one.options()}
 
 
 @pytest.fixture(scope="module")
@@ -71,12 +69,12 @@ def test_covariance_is_that_of_the_correlation() -> None:
     parameters = {"a": Parameter.of(1.0, 0.1, "1"), "b": Parameter.of(2.0, 0.3, "1"), "c": Parameter.of(1.0, None, "1")}
     result = sw.Result("momentum", "ok", parameters, correlation={"a": {"a": 1.0, "b": -0.5}, "b": {"a": -0.5}})
     wanted = [[0.01, -0.015], [-0.015, 0.09]]
-    np.testing.assert_allclose(result.covariance_matrix(), wanted)
-    np.testing.assert_allclose(result.covariance_matrix(["b", "a"]), np.array(wanted)[::-1, ::-1])
+    np.testing.assert_allclose(result.covariance(), wanted)
+    np.testing.assert_allclose(result.covariance(["b", "a"]), np.array(wanted)[::-1, ::-1])
     with pytest.raises(KeyError, match="it has a, b, c"):
-        result.covariance_matrix(["d"])
+        result.covariance(["d"])
     with pytest.raises(sw.errors.UnanswerableError) as refused:
-        result.covariance_matrix(["c"])
+        result.covariance(["c"])
     assert refused.value.code == "no-covariance"
 
 

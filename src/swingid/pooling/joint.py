@@ -30,7 +30,7 @@ SCATTER = "scatter of the logs, inertia and gravity torque together"
 
 def is_joint(results: Sequence[Result]) -> bool:
     """Return whether every result holds the pair with its covariance."""
-    return all(set(PAIR) <= set(result.covariance) and set(PAIR) <= set(result.parameters) for result in results)
+    return all(set(PAIR) <= set(result.covariance_of_fit) and set(PAIR) <= set(result.parameters) for result in results)
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def _own_covariance(result: Result, inertia: Uncertain) -> Array:
     Entries of the inertia's budget beside the scatter (drift, disagreement, grid) widen the whole matrix, because a
     wrong balance moves the pair along the direction that this log hardly determines.
     """
-    matrix = np.array([[result.covariance[one][other] for other in PAIR] for one in PAIR])
+    matrix = np.array([[result.covariance_of_fit[one][other] for other in PAIR] for one in PAIR])
     widened: Array = matrix * max(1.0, inertia.of_type("A").u ** 2 / max(matrix[0, 0], 1e-300))
     return widened
 
@@ -215,7 +215,7 @@ class Common:
             parameters={name: common.parameter(units[name]) for name, common in self.pooled.items()},
             budget=tuple(entry for name, common in self.pooled.items() for entry in common.estimate.entries(name)),
             sensitivities=sensitivities,
-            covariance={} if self.pairs is None else self.pairs.common_covariance(),
+            covariance_of_fit={} if self.pairs is None else self.pairs.common_covariance(),
             correlation=self.correlation(),
         )
 

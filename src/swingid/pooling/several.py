@@ -96,7 +96,7 @@ def combine(results: Sequence[Result], names: Sequence[str], *, friction: str = 
         common, notes = sound[0], [Message("several-logs", f"{called[0]} alone has a weight, so nothing was pooled.")]
     else:
         common, found, notes = _pooled(sound, called, friction)
-    warnings += [*of_logs(sound, called, settled=bool(common.covariance) and len(sound) > 1), *found]
+    warnings += [*of_logs(sound, called, settled=bool(common.covariance_of_fit) and len(sound) > 1), *found]
     notes += [note for note in sound[0].notes if all(note in other.notes for other in sound[1:])]
     return replace(
         common,

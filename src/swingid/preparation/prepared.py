@@ -171,7 +171,7 @@ class Prepared:
             provenance=provenance(self.log, self.rig, options) | {"preparation": decided} | (more or {}),
             details=replace(details, left_out=self.log.left_out),
             sensitivities=evaluated.sensitivities,
-            covariance=covariance or {},
+            covariance_of_fit=covariance or {},
             correlation=evaluated.correlation,
         )
 

@@ -16,7 +16,10 @@ from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 SCHEMA = "swingid.result/1"
 WHERE_GIVEN = ("sensitivities", "covariance", "correlation", "ratios", "monte_carlo", "per_log", "per_part")
-"""Fields that a file has only where they hold something."""
+"""Keys that a file has only where they hold something."""
+
+IN_FILES = {"covariance_of_fit": "covariance"}
+"""Keys in files of fields that are called otherwise here."""
 
 
 @dataclass(frozen=True)
@@ -192,12 +195,12 @@ class ResultData:
 
     status: "ok", "warning" (to be checked for the reasons in `warnings`) or "refused" (no parameters, `error` has
     the reason). `notes` hold assumptions and what was done; they do not change the status. sensitivities:
-    change of the inertia per unit of each constant of the rig file, by its key, exact ones too. covariance: of type A,
-    between parameters fitted together where that matters (inertia and an unknown gravity torque). correlation: of all
-    parameters whose uncertainty is known, of type A and B together. per_log: the ordinary results of several logs, of
-    which this one is the common result. ratios: whether nothing set the scale, so that the parameters are ratios such
-    as "gravity_torque/inertia" and there is no "inertia". monte_carlo: distributions by Supplement 1 of the GUM.
-    per_part: of several parts of one log, what each gives alone.
+    change of the inertia per unit of each constant of the rig file, by its key, exact ones too. covariance_of_fit:
+    of type A, `covariance` in a file, between parameters fitted together where that matters (inertia and an unknown
+    gravity torque). correlation: of all parameters whose uncertainty is known, of type A and B together. per_log: the
+    ordinary results of several logs, of which this one is the common result. ratios: whether nothing set the scale, so
+    that the parameters are ratios such as "gravity_torque/inertia" and there is no "inertia". monte_carlo:
+    distributions by Supplement 1 of the GUM. per_part: of several parts of one log, what each gives alone.
     """
 
     method: str
@@ -210,7 +213,7 @@ class ResultData:
     error: Message | None = None
     details: Details | None = None
     sensitivities: dict[str, float] = field(default_factory=dict)
-    covariance: dict[str, dict[str, float]] = field(default_factory=dict)
+    covariance_of_fit: dict[str, dict[str, float]] = field(default_factory=dict)
     correlation: dict[str, dict[str, float]] = field(default_factory=dict)
     ratios: bool = False
     monte_carlo: MonteCarlo | None = None
@@ -240,6 +243,7 @@ class ResultData:
         """The result as plain data, schema "swingid.result/1"; NaN and infinities become null."""
         values = {own.name: getattr(self, own.name) for own in fields(self)}
         values["per_log"] = [result.to_dict() for result in self.per_log]
+        values = {IN_FILES.get(name, name): value for name, value in values.items()}
         kept = {name: value for name, value in values.items() if name not in WHERE_GIVEN or value}
         found: dict[str, object] = plain({"schema": SCHEMA, **kept})
         return found

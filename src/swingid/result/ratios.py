@@ -111,7 +111,7 @@ def transformed(result: Result, ratios: list[Ratio]) -> Result:
         },
         budget=tuple(entry for name, one in found.items() for entry in _ordered(one.entries(name), result.budget)),
         correlation=correlation_of(list(sure), covariance(list(sure.values()))),
-        covariance={},
+        covariance_of_fit={},
         sensitivities={},
     )
 

@@ -70,11 +70,11 @@ class Result(ResultData):
         """
         return np.empty(0) if self.details is None else self.details.residuals
 
-    def covariance_matrix(self, names: Sequence[str] | None = None) -> Array:
+    def covariance(self, names: Sequence[str] | None = None) -> Array:
         """Covariance (k, k) of the named parameters, of type A and B together, in products of their units.
 
         By default of all parameters whose uncertainty is known, in the order of `parameters`. Raises KeyError for a
-        name that is not there, UnanswerableError for a parameter of unknown uncertainty. The field `covariance` is
+        name that is not there, UnanswerableError for a parameter of unknown uncertainty. `covariance_of_fit` is
         that of type A alone.
 
         Examples
@@ -83,7 +83,7 @@ class Result(ResultData):
         >>> rig = sw.Rig.load("paper").changed({"axis.gravity_torque": "unknown"})
         >>> two = sw.parse_reference("multisine 0.5 rad 5 rad/s + 0.3 rad 8.5 rad/s")
         >>> result = sw.identify(sw.simulate(sw.Rig.load("paper"), two, duration=25, seed=1), rig)
-        >>> matrix = result.covariance_matrix(["inertia", "gravity_torque"])
+        >>> matrix = result.covariance(["inertia", "gravity_torque"])
         >>> matrix.shape, bool(matrix[0, 0] ** 0.5 == result.inertia.u)
         ((2, 2), True)
         """

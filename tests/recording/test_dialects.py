@@ -323,6 +323,13 @@ def test_lines_about_the_log_are_no_header(units: str) -> None:
     assert found.unreadable_rows == 0
 
 
+def test_a_line_of_two_words_above_names_with_units_is_no_header() -> None:
+    body = "Operator,A. Person\nt (s),theta (deg)\n" + "".join(f"{k / 50},{k % 7}.5\n" for k in range(100))
+    found = read_table(body.encode(), "log.csv")
+    assert list(found.columns) == ["t (s)", "theta (deg)"]
+    assert found.unreadable_rows == 0
+
+
 def test_lines_that_the_rig_file_skips(tmp_path: Path) -> None:
     rig = sw.Rig.from_text(
         'name = "a"\n[axis]\ngravity_torque = 1\n[drive]\nkind = "none"\n'

@@ -247,6 +247,17 @@ def test_pixels_are_never_degrees(columns: tuple[str, ...], tmp_path: Path) -> N
     assert "pixels are no angle" in found.verdict.line
 
 
+@pytest.mark.parametrize("name", ["x_px", "x [px]", "angle pixels"])
+def test_pixels_that_a_rig_file_calls_an_angle_are_refused(name: str, tmp_path: Path) -> None:
+    x, _ = seen(swing(0.03))
+    path = tmp_path / "log.csv"
+    path.write_text(f"t,{name}\n" + "\n".join(f"{t:.4f},{a:.2f}" for t, a in zip(TIME, x, strict=True)) + "\n")
+    rig = rig_of(f'time = "t"\nangle = "{name.partition(" [")[0]}"\nangle_unit = "deg"\n')
+    with pytest.raises(SwingidError, match="states px, no unit of an angle"):
+        sw.Recording.load(path, rig)
+    assert inspect_log(path, rig).verdict.status == "unusable"
+
+
 def test_damaged_logs_of_marks_are_refused_in_one_sentence(tmp_path: Path) -> None:
     head, row = FORMATS["deeplabcut"]
     whole = (head + "\n".join(row(k) for k in range(TIME.size)) + "\n").encode()

@@ -96,6 +96,9 @@ OTHERS = ("px", "V", "mV", "A", "mA", "N m", "mN m", "N", "Hz", "m/s^2", "m/s²"
 
 LINEAR_RATES = frozenset(("m/s", "mm/s"))
 
+PIXELS = re.compile(r"[ _.-](px|pixels?)$", re.IGNORECASE)
+"""Names of columns that end in the unit of a place in a picture."""
+
 
 def _check_quantity(table: Table, rig: Rig, conventions: Conventions, name: str) -> None:
     """InputError where the header states the unit of another quantity for an angle without a scale, or for a rate."""
@@ -104,6 +107,7 @@ def _check_quantity(table: Table, rig: Rig, conventions: Conventions, name: str)
         if channel not in conventions.channels or key in conventions.stated:
             continue
         column, unit = _stated_unit(table, conventions, channel)
+        unit = unit or ("px" if PIXELS.search(column) else "")
         if canonical(unit) in OTHERS or (canonical(unit) in LINEAR_RATES and channel.endswith("angle")):
             what = "a rate" if channel.endswith("speed") else "an angle or position"
             remedy = "name another column"

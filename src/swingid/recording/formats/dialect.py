@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from swingid.recording.formats.cells import are_whole_thousands, has_decimal_comma, is_grouped, is_stamp
+from swingid.recording.formats.table import split_unit
 from swingid.spellings import UNITS
 
 DELIMITERS = (b"\t", b";", b",", b"|")
@@ -145,7 +146,8 @@ def _below_titles(cells: Sequence[Sequence[str]], first: int, width: int, decima
 def _below_preamble(cells: Sequence[Sequence[str]], first: int, width: int, decimal: str) -> int:
     """The header below lines about the log, some of which have as many cells as the table by chance; `first` else.
 
-    Such lines hold a number beside a name, or differ in their cells; rows of names do neither.
+    Such lines hold a number beside a name, or differ in their cells, or name no unit where the header does; rows of
+    names do none of these.
     """
     rows = (k for k, row in enumerate(cells) if k > first and len(row) == width and _numeric(row, decimal))
     at = next((k for k in rows if k + 1 == len(cells) or _numeric(cells[k + 1], decimal)), first + 1)
@@ -155,6 +157,7 @@ def _below_preamble(cells: Sequence[Sequence[str]], first: int, width: int, deci
         return first
     above = cells[first:header]
     broken = any(len(row) != width or any(is_value(cell, decimal) for cell in row) for row in above)
+    broken = broken or (_has_units(names) and not any(map(_has_units, above)))
     return header if broken and not any(is_value(name, decimal) for name in names) else first
 
 
@@ -180,6 +183,11 @@ def _is_row(cells: Sequence[Sequence[str]], at: int, decimal: str) -> bool:
         return False
     here, below = ([is_value(cell, decimal) for cell in cells[k]] for k in (at, at + 1))
     return here == below and any(here)
+
+
+def _has_units(cells: Sequence[str]) -> bool:
+    """Return whether a cell is a name with its unit: "theta [deg]"."""
+    return any(split_unit(cell.strip())[1] for cell in cells)
 
 
 def _filled(cells: Sequence[str]) -> int:

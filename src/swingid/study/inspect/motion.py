@@ -76,7 +76,9 @@ def read_motion(
         start, stop, note = part_of(log, motion, channel)
     except UnanswerableError as error:
         if rig is None or error.code != "no-turning-points" or not (channel in TURNING or turns_freely(rig)):
-            return None, [Check("motion", "motion", "fault", error.message)]
+            wheel = ", or give --rig with axis.gravity_torque = 0 for a wheel that runs down"
+            add = wheel if rig is None and error.code == "no-turning-points" and channel is None else ""
+            return None, [Check("motion", "motion", "fault", f"{error.message.rstrip('.')}{add}.")]
         text = "the axis turns in one direction: momentum takes windows that need no turning points; log and rig file "
         return None, [Check("motion", "motion", "note", f"{text}are not compared.")]
     lines = spectrum(log.time, log.angle, start, stop, 1 / (2 * motion.half_period))

@@ -29,8 +29,8 @@ def log_table(roles: Roles) -> str:
     lines = [_line("[log]", "guessed from the file: confirm each line")]
     time = roles.found.get("time")
     if time is None:
-        rate, frames = (30, "frames of the video") if "point_x" in roles.found else (1000, "rows")
-        lines.append(_line(f"# rate = {rate}", f"{frames} per second: no column rises as a clock does, so state it"))
+        each, frames = (30, "frames of the video") if "point_x" in roles.found else (1000, "rows")
+        lines.append(_line(f"# rate = {each}", f"{frames} per second: no column rises as a clock does, so state it"))
     else:
         lines.append(_column("time", time))
         if counts_ticks(time.column):

@@ -7,6 +7,7 @@ matters. What momentum's balance contradicts in the rig file concerns every meth
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -191,7 +192,8 @@ class MomentumCheck:
             law, u = self.evidence.law, inertia.standard_uncertainty or 0.0
             # what is wrong in the rig file widens the interval by its lack of fit, too, and would hide itself
             limit = min(u, max(law.total, WORTH / MATTERS * law.a11))
-            limits = {"alone": u, "place": u, "whole": u} | dict.fromkeys(("angle", "gravity", "timing"), limit)
+            whole = math.hypot(u, *self._entries(u).values())
+            limits = {"alone": u, "place": u, "whole": whole} | dict.fromkeys(("angle", "gravity", "timing"), limit)
             self.judged[inertia] = messages_of(self.evidence, Judged(inertia.value, law.a11, limits))
         return self.judged[inertia]
 
@@ -208,10 +210,15 @@ class MomentumCheck:
         u = found.parameters["inertia"].standard_uncertainty
         if u is None or self.evidence is None:
             return found
-        for source, spread in entries(self.evidence, min(u, self.evidence.law.u), own=False).items():
-            if source != CONFLICT:  # which the method has in its budget
-                found = found.widened(systematic(source), "inertia", spread)
+        for source, spread in self._entries(u).items():
+            found = found.widened(systematic(source), "inertia", spread)
         return found
+
+    def _entries(self, u: float) -> dict[str, float]:
+        """Standard uncertainties that `widened` adds to one of `u`, by source."""
+        assert self.evidence is not None
+        found = entries(self.evidence, min(u, self.evidence.law.u), own=False)
+        return {source: spread for source, spread in found.items() if source != CONFLICT}  # which the method has
 
 
 def share_of(budget: Iterable[BudgetEntry], sources: Collection[str]) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from swingid.balance.identifiability import BLIND, HOPELESS, Identifiability, advice, examine_information, require_seen
 from swingid.checks.answer import Fault, MotorCheck, check_answer
 from swingid.checks.consistency import motor_sensitivities
+from swingid.checks.hypothesis import matters
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
 from swingid.methods.output_error.answer import Estimate
@@ -72,8 +73,10 @@ def check_fit(
             f"{seen.scaled_to(spread).combination(values)}; {advice(seen)}, or leave fewer constants free.",
             code="not-identifiable",
         )
-    warnings = [*_inconsistent_constants(estimate), *_not_converged(estimate)]
-    notes = exact_constants([key for key in setup.rig.constants_without_uncertainty() if key in sensitivities])
+    warnings, assumed = _inconsistent_constants(estimate, alone)
+    warnings += _not_converged(estimate)
+    exact = exact_constants([key for key in setup.rig.constants_without_uncertainty() if key in sensitivities])
+    notes = [*assumed, *exact]
     if check.evidence is not None:
         amplitude = float(np.max(np.abs(setup.part.motion.turning_angles), initial=0.0))
         scattered = parameters | {"inertia": Parameter.of(inertia.value, spread, inertia.unit)}
@@ -207,20 +210,32 @@ def _not_converged(estimate: Estimate) -> list[Message]:
     return [Message("not-converged", text)]
 
 
-def _inconsistent_constants(estimate: Estimate) -> list[Message]:
-    """A warning where the estimate of a constant or a sensor contradicts what rig.toml states of it."""
-    found = []
-    for item, value in zip(estimate.unknowns.items, estimate.values, strict=True):
+def _inconsistent_constants(estimate: Estimate, alone: Parameter) -> tuple[list[Message], list[Message]]:
+    """A warning, or a note, where the estimate of constants or sensors contradicts what rig.toml states of them.
+
+    A note where the inertia with them held as stated differs by what hardly matters; the budget has it as a conflict.
+    alone: the inertia without that.
+    """
+    found: list[str] = []
+    off: list[int] = []
+    for k, (item, value) in enumerate(zip(estimate.unknowns.items, estimate.values, strict=True)):
         if item.is_sought or item.name in (ZERO, SCALE) or abs(value) < DETECTED * item.std:
             continue
+        off.append(k)
         fitted = value + constant_value(estimate.setup.rig, item.name)[0] if item.places else value
         edge = " or beyond" if value in (item.low, item.high) else ""
         size = f"{abs(value) / item.std:.2g} standard uncertainties from it"
         found.append(f"{item.name} of {number(fitted, item.unit)}{edge}, {size}")
     if not found:
-        return []
-    text = f"the log contradicts what the rig file states: it fits with {' and '.join(found)}; correct the rig file"
-    return [Message("constants-off", f"{text}, or check the model.")]
+        return [], []
+    inverse = estimate.searched.fit.inverse
+    change = float(inverse[0, off] @ np.linalg.solve(inverse[np.ix_(off, off)], estimate.values[off]))
+    text = (
+        f"the log contradicts what the rig file states: it fits with {' and '.join(found)}, which changes the inertia "
+        f"by {percent(change / alone.value, sign=True)}; correct the rig file, or check the model."
+    )
+    one = [Message("constants-off", text)]
+    return (one, []) if matters(change, alone.standard_uncertainty or 0.0, alone.value) else ([], one)
 
 
 def _conditioning(seen: Identifiability, unknowns: Unknowns) -> Message:

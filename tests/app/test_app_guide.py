@@ -85,7 +85,7 @@ def test_from_a_dropped_file_to_what_is_kept(log, tmp_path):
         choose(page, "what pendulum_deg is", "not used")
         page.get_by_text("Which column is the angle of the body").wait_for(timeout=SLOW)
         assert page.get_by_role("button", name="Next: which rig?").is_disabled()
-        page.locator("summary").click()
+        page.locator("summary", has_text="other columns").click()
         choose(page, "what pendulum_deg is", "angle")
         page.get_by_text("your choice").wait_for(timeout=SLOW)
         choose(page, "unit of pendulum_deg", "deg")
@@ -274,6 +274,18 @@ def test_a_mark_of_a_video_gives_the_angle(tmp_path):
     assert draft.values()["log.point"] == ["x", "y"]
     found = answered(case_of(draft), "momentum", {})
     assert found.main.value == pytest.approx(INERTIA, abs=2 * found.main.standard_uncertainty)
+
+
+def test_lines_above_a_table_are_skipped_where_they_are_not_found(log, tmp_path):
+    rows = log.read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "odd.csv"
+    path.write_text("\n".join(["a,b,c", "d,e,f", *rows]) + "\n", encoding="utf-8")
+    draft = Draft(logs={"odd.csv": path})
+    assert looked(str(path))["roles"].get("angle", {}).get("column") != "pendulum_deg"
+    draft.take_guess(looked(str(path), 2))
+    draft.kind, draft.answers["gravity"] = "free", (1, {"axis.gravity_torque": "78 ± 0.4 mN m"})
+    assert draft.values()["log.skip_rows"] == 2
+    assert answered(case_of(draft), "momentum", {}).main.value == pytest.approx(INERTIA, rel=1e-3)
 
 
 @pytest.mark.parametrize("turned", ["angle", "none"])

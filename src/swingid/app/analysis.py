@@ -28,6 +28,7 @@ from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
 from swingid.processes import interruption_waits
 from swingid.recording.formats import read_table
+from swingid.recording.formats.csv import without_lines
 from swingid.recording.inspect import describe, guess_roles
 from swingid.recording.large import first_rows, is_large
 from swingid.recording.load import read_bytes
@@ -144,12 +145,16 @@ def _end_with_parent() -> None:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # absurd numbers are drawn as they are, and no cause to print
-def looked(path: str) -> dict[str, Any]:
-    """Columns of a file as they stand there, thinned for drawing, and the guess of their roles.
+def looked(path: str, skip: int = 0) -> dict[str, Any]:
+    """Columns of a file as they stand there, thinned for drawing, and the guess of their roles; skip: lines of a text
+    above its table.
 
     Raises InputError where it is no table.
     """
-    table = first_rows(path) if is_large(path) else read_table(read_bytes(path), path)
+    if is_large(path):
+        table = first_rows(path)
+    else:
+        table = read_table(without_lines(read_bytes(path), skip, None, path), path)
     columns = describe(table)
     roles = guess_roles(columns)
     clock = roles.found.get("time")
@@ -172,6 +177,8 @@ def looked(path: str) -> dict[str, Any]:
         "roles": {
             name: vars(role) if hasattr(role, "__dict__") else asdict(role) for name, role in roles.found.items()
         },
+        "skip": skip,
+        "is_named": any(column.name != f"column{k}" for k, column in enumerate(columns, start=1)),
         "zero_up": roles.zero_up,
         "linear": roles.linear,
         "rows": len(stamps),

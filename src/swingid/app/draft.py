@@ -65,6 +65,7 @@ class Draft:
     signs: dict[str, int] = field(default_factory=dict)
     zero: str = "down"
     rate: str = ""
+    skip: int = 0
     kind: str = ""
     answers: dict[str, tuple[int, dict[str, str]]] = field(default_factory=dict)
     parts: list[tuple[float, float]] = field(default_factory=list)
@@ -83,6 +84,7 @@ class Draft:
         self.why = {role: found["why"] for role, found in looked["roles"].items()}
         self.zero = "up" if looked["zero_up"] else "down"
         self.rate = ""
+        self.skip = int(looked["skip"])
 
     def assign(self, column: str, role: str) -> None:
         """Give a column a role ("" for none); what had that role before has none."""
@@ -149,6 +151,8 @@ class Draft:
             columns.pop("wheel_speed", None)
         known = ("time", "angle", "angle_speed", "reference", *CHANNELS.get(drive, ()))
         found: dict[str, object] = {}
+        if self.skip:
+            found["log.skip_rows"] = self.skip
         if self.rate and "time" not in columns:
             found["log.rate"] = _typed(self.rate)
         if len(mark) == 2 and not {"angle", "angle_speed"} & columns.keys():

@@ -25,6 +25,9 @@ TOO_MUCH = f"a page takes {MOST} files of {LARGEST / 1e6:.0f} MB at most; swingi
 EXAMPLES = {"free": ("A free pendulum", "free-decay.csv"), "wheel": ("The paper's rig", "driven-wheel.csv")}
 """Examples by name: words and file."""
 
+TEXTS = (".csv", ".txt", ".tsv", ".dat")
+"""Endings of files whose lines above the table can be skipped."""
+
 COLOURS = {"time": "#767676", "reference": "#E69F00", "voltage": "#009E73", "torque": "#009E73"}
 
 Taken = Callable[[Mapping[str, Path], Mapping[str, Any]], Awaitable[None]]
@@ -75,29 +78,46 @@ class Look:
         await self.analyst.do(example, name, str(path))
         self._take_soon({file: path})
 
-    def _take_soon(self, paths: Mapping[str, Path]) -> None:
+    def _take_soon(self, paths: Mapping[str, Path], skip: int = 0) -> None:
         """`take`, after the event of an element that is then taken away."""
         with self.home:
-            ui.timer(0.01, lambda: self.take(paths), once=True)
+            ui.timer(0.01, lambda: self.take(paths, skip), once=True)
 
-    async def take(self, paths: Mapping[str, Path]) -> None:
-        """Look at files, and hand on what is found; what cannot be read is said."""
+    async def take(self, paths: Mapping[str, Path], skip: int = 0) -> None:
+        """Look at files, without their first `skip` lines, and hand on what is found; what cannot be read is said."""
         said(self.state, "reading the file …")
         first = next(iter(paths.values()), None)
         try:
             if first is None:
                 raise InputError("no file has come; drop it again", code="no-log")
-            found = await self.analyst.do(looked, str(first))
+            found = await self.analyst.do(looked, str(first), skip)
         except SwingidError as error:
             said(self.state, error.message.replace(f"{first.parent}/" if first else "", ""))
+            if first is not None and first.suffix.lower() in TEXTS:
+                with self.state:
+                    self._ask_skip(paths, skip)
             return
         await self.taken(paths, found)
+
+    def _ask_skip(self, paths: Mapping[str, Path], skip: int) -> None:
+        """Lines of a text above its table, where they are not found by themselves."""
+        with ui.element("div").classes("swingid-chips"):
+            lines = ui.number("lines to skip above the table", value=skip, min=0, precision=0)
+            lines.props("dense outlined").classes("w-64")
+            plain_button("Read again", lambda: self._take_soon(paths, int(lines.value or 0)))
 
     def show(self, draft: Draft, found: Mapping[str, Any]) -> None:
         """The columns, those with a role first."""
         self.draft, self.found = draft, found
         self.place = ui.column().classes("w-full gap-0")
         self._fill()
+        if not found["is_named"]:
+            text = "No line above the numbers names the columns, so they are called column1, column2 and so on."
+            ui.label(text).classes("swingid-quiet")
+        if next(iter(draft.logs.values())).suffix.lower() in TEXTS:
+            with more("Are lines above the table read wrongly?"):
+                self._ask_skip(draft.logs, draft.skip)
+        self.state = ui.column().classes("w-full")
 
     def _fill(self) -> None:
         self.place.clear()

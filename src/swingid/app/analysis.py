@@ -151,10 +151,7 @@ def looked(path: str, skip: int = 0) -> dict[str, Any]:
 
     Raises InputError where it is no table.
     """
-    if is_large(path):
-        table = first_rows(path)
-    else:
-        table = read_table(without_lines(read_bytes(path), skip, None, path), path)
+    table = first_rows(path) if is_large(path) else read_table(without_lines(read_bytes(path), skip, None, path), path)
     columns = describe(table)
     roles = guess_roles(columns)
     clock = roles.found.get("time")

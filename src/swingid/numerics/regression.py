@@ -73,9 +73,19 @@ def squared_distance(values: Array, covariance: Array, smallest: float = 1e-9) -
 
     Of the covariance, scaled to correlations, directions below `smallest` of the largest are left out.
     """
-    scale = np.sqrt(np.maximum(np.diag(covariance), TINY))
-    inverse = np.linalg.pinv(covariance / np.outer(scale, scale), rcond=smallest, hermitian=True)
-    return float(values / scale @ inverse @ (values / scale))
+    return float(values @ inverse_of_gram(covariance, smallest) @ values)
+
+
+def inverse_of_gram(matrix: Array, smallest: float) -> Array:
+    """Pseudo-inverse of a Gram matrix or covariance (p, p), scaled to a diagonal of ones; 0 where that has a 0.
+
+    Directions below `smallest` of the largest are left out.
+    """
+    sizes = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    sizes[sizes == 0.0] = 1.0
+    both = np.outer(sizes, sizes)
+    inverse: Array = np.linalg.pinv(matrix / both, rcond=smallest, hermitian=True) / both
+    return inverse
 
 
 def gram(rows: Array) -> Array:

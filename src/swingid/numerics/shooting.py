@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from swingid.numerics.arrays import Array, Bools, Ints
-from swingid.numerics.regression import gram
+from swingid.numerics.regression import gram, inverse_of_gram
 
 LOSSES = ("linear", "huber", "soft_l1")
 
@@ -128,10 +128,7 @@ class Reduced:
     @cached_property
     def inverse(self) -> Array:
         """Pseudo-inverse (m, m) of the matrix, unknowns scaled alike."""
-        scale = 1 / np.sqrt(np.maximum(np.diag(self.matrix), 1e-300))
-        inverse = np.linalg.pinv(self.matrix * np.outer(scale, scale), rcond=1e-13, hermitian=True)
-        result: Array = inverse * np.outer(scale, scale)
-        return result
+        return inverse_of_gram(self.matrix, 1e-13)
 
     def states(self, step: Array) -> Array:
         """Step of the initial values (k, s) that belongs to a step (m,) of the unknowns."""

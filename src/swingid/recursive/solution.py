@@ -22,7 +22,7 @@ from swingid.format import number
 from swingid.model.equation import Equation
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array, Bools
-from swingid.numerics.regression import fit_linear
+from swingid.numerics.regression import fit_linear, inverse_of_gram
 from swingid.numerics.test_functions import curvature_overlap
 from swingid.preparation.noise import Noise
 from swingid.recursive.blocks import Block
@@ -136,10 +136,8 @@ class Recursion:
 
     def _solve(self, sought: Bools) -> Solution:
         """The solution for the unknowns `sought`, the others 0."""
-        size = np.sqrt(np.diag(self._gram))
-        size[size == 0] = 1.0
-        sizes, both = np.outer(size, size), np.outer(sought, sought)
-        inverse = np.linalg.pinv(self._gram / sizes * both, rcond=1e-15, hermitian=True) / sizes
+        both = np.outer(sought, sought)
+        inverse = inverse_of_gram(self._gram * both, 1e-15) * both
         step = inverse @ self._right
         # one step of iterative refinement for the error of the inverse
         step = step + inverse @ (self._right - self._gram @ step)

@@ -537,6 +537,7 @@ def test_squared_distance_is_that_of_independent_values_and_leaves_out_what_is_k
     assert squared_distance(np.array([3.0, 8.0]), np.diag([9.0, 16.0])) == pytest.approx(1 + 4)
     # two values of one error count once, whatever their units
     assert squared_distance(np.array([2.0, 2e6]), np.outer([1.0, 1e6], [1.0, 1e6])) == pytest.approx(4.0)
+    assert squared_distance(np.array([2.0, 3.0]), np.full((2, 2), np.nan)) == 0
 
 
 def test_the_normal_matrix_of_a_line_is_its_closed_form():

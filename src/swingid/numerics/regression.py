@@ -71,8 +71,11 @@ class LinearFit:
 def squared_distance(values: Array, covariance: Array, smallest: float = 1e-9) -> float:
     """Squared Mahalanobis distance of values (p,) from 0: Wald's statistic, chi-square where they are normal.
 
-    Of the covariance, scaled to correlations, directions below `smallest` of the largest are left out.
+    Of the covariance, scaled to correlations, directions below `smallest` of the largest are left out; 0 where it is
+    not finite, which says nothing of the values.
     """
+    if not np.isfinite(covariance).all():
+        return 0.0
     return float(values @ inverse_of_gram(covariance, smallest) @ values)
 
 

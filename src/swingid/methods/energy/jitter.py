@@ -91,10 +91,11 @@ def _of_channel(values: Array, rows: Ints, step: float, level: float, resolution
     if not np.ptp(square) > 0 or not power.min() > AT_REST * power.max():
         return 0.0, level
     # the relative standard uncertainty of the median is the same in all classes
-    columns = np.column_stack([np.ones(CLASSES), square]) / power[:, None]
+    units = np.array([power.max(), power.max() / square.max()])
+    columns = np.column_stack([np.ones(CLASSES), square / square.max()]) * (power.max() / power)[:, None]
     fit = fit_linear(columns, np.ones(CLASSES))
-    still, moving = fit.values
-    spread = np.sqrt(fit.normal[1, 1] * (fit.residuals @ fit.residuals) / (CLASSES - 2))
+    still, moving = fit.values * units
+    spread = units[1] * np.sqrt(fit.normal[1, 1] * (fit.residuals @ fit.residuals) / (CLASSES - 2))
     total = np.sqrt(max(still, 0.0) + max(moving, 0.0) * np.mean(speed**2))
     if moving < CERTAIN * spread or total < LOUDER * level:
         return 0.0, level

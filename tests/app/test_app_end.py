@@ -18,7 +18,7 @@ from long_cases import quick_first
 from page_server import free_port
 from swingid import Recording, Rig, parse_reference, simulate
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+pytestmark = [pytest.mark.real_time, pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")]
 
 
 def interrupted(server: subprocess.Popen[str], times: int = 1, number: int = signal.SIGINT) -> tuple[float, str]:

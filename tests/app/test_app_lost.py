@@ -12,7 +12,7 @@ from test_app_live import SLOW, click, go_to, ready_to_run, waits
 
 from browser import browser, listen, picture, served
 
-pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="signals of POSIX")
+pytestmark = [pytest.mark.real_time, pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="signals of POSIX")]
 
 LOST = "not connected: use the emergency stop"
 

@@ -247,6 +247,7 @@ def test_there_are_many_misbehaviours() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.real_time
 def test_a_run_in_real_time_finds_the_inertia(tmp_path: Path) -> None:
     """The commands `commission` and `run` on the program, behind TCP."""
     program = [sys.executable, str(ROOT / "tests" / "foreign_device.py"), "--tcp", "0", "--signs=+--"]

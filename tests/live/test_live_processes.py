@@ -40,6 +40,8 @@ from swingid.live.worker import Job, link, recorder
 from swingid.recording.recording import Recording
 
 needs_native = pytest.mark.skipif(native.obstacle() is not None, reason=f"the firmware's process: {native.obstacle()}")
+pytestmark = pytest.mark.real_time
+
 MOTION = parse_reference("sine 0.8 rad 8.5 rad/s")
 
 

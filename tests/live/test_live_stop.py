@@ -30,7 +30,10 @@ from swingid.recording.recording import Recording
 
 RIG = live_host.RIG
 REFERENCE = "sine 0.8 rad 8.5 rad/s"
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals to groups of processes")
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(os.name != "posix", reason="sends signals to groups of processes"),
+]
 needs_native = pytest.mark.skipif(native.obstacle() is not None, reason=f"the firmware's process: {native.obstacle()}")
 
 

@@ -10,10 +10,11 @@ from tempfile import TemporaryDirectory
 from nicegui import app
 
 from swingid.app.analysis import Analyst
+from swingid.app.desk import Desk
 from swingid.app.draft import Draft
 from swingid.app.gate import Place
 from swingid.app.guide import Guide
-from swingid.app.live_page import Desk, live_page
+from swingid.app.live_page import live_page
 from swingid.app.runner import POLLED
 from swingid.app.server import serve
 from swingid.model.rig import Rig

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from nicegui import ui
 
-from swingid.app.analysis import Analyst, track_of
+from swingid.app.analysis import track_of
 from swingid.app.answer import Answer
+from swingid.app.desk import Desk, Fields
 from swingid.app.draft import Draft
 from swingid.app.keep import Keep
 from swingid.app.kinds import kind_of, kind_of_rig
@@ -22,7 +22,7 @@ from swingid.app.order import DURATION, MOTION, UNTIL, WrongFieldError, order_of
 from swingid.app.part import Part
 from swingid.app.parts import Frame, Step, emphasise, main_button, plain_button, said
 from swingid.app.rig_view import RigView
-from swingid.app.runner import Runner, Seen
+from swingid.app.runner import Seen
 from swingid.app.stop_bar import StopBar
 from swingid.app.task import Kind, Task
 from swingid.errors import SwingidError
@@ -51,62 +51,6 @@ DOING = {
 
 QUIET = 3.0
 """Seconds without news of a run after which the page says so; samples come every 5 ms, a journal ends within 1 s."""
-
-STALE = 15.0
-"""Seconds without a sign of the page that controls, after which another one may."""
-
-
-@dataclass(frozen=True)
-class Fields:
-    """What is written in the fields: reference, duration (s), stop at this relative uncertainty (%)."""
-
-    motion: Any = "sine 0.8 rad 8.5 rad/s"
-    duration: Any = 25.0
-    until: Any = 0.0
-
-
-@dataclass
-class Desk:
-    """What all pages of one rig share: the runner, who controls, what was asked for last, what was rehearsed."""
-
-    rig: str
-    address: str
-    folder: Path
-    analyst: Analyst
-    runner: Runner = field(init=False)
-    controller: str = ""
-    seen: float = 0.0
-    fields: Fields = field(default_factory=Fields)
-    rehearsed: Fields | None = None
-
-    def __post_init__(self) -> None:
-        self.runner = Runner(self.address)
-
-    def controls(self, page: str) -> bool:
-        """Return whether this page controls; the first one does, and another after that one is gone."""
-        now = time.monotonic()
-        if not self.controller or (self.controller != page and now - self.seen > STALE):
-            self.controller = page
-        if self.controller == page:
-            self.seen = now
-            return True
-        return False
-
-    def opened(self) -> dict[Kind, bool]:
-        """Which steps may be begun."""
-        passed = self.runner.passed
-        return {
-            "connect": True,
-            "check": "connect" in passed,
-            "rehearse": "check" in passed,
-            "run": "check" in passed and "rehearse" in passed,
-        }
-
-    def new_journal(self) -> str:
-        """A file that is not there yet."""
-        name = time.strftime("run-%Y%m%d-%H%M%S")
-        paths = (self.folder / f"{name}{tail}.mcap" for tail in ("", *(f"-{k}" for k in range(2, 1000))))
-        return str(next(path for path in paths if not path.exists()))
 
 
 class LivePage:

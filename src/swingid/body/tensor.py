@@ -52,13 +52,23 @@ def tensor(
 ) -> Tensor:
     """The inertia tensor of one body about its centre of mass, in the body frame.
 
-    axes: the file that lists the axes, see docs/tensor.md. results: results of `identify` or `difference`, or their
-    JSON files, for the axes that name none, in the order of the file. compare_with: a tensor from CAD
-    (`swingid.body.cad`). about: further axes (direction, distance from the centre of mass in m) whose inertia is
-    predicted.
+    Parameters
+    ----------
+    axes : path
+        The file that lists the axes, see docs/tensor.md.
+    results : Results of `identify` or `difference`, or their JSON files
+        For the axes that name none, in the order of the file.
+    compare_with
+        A tensor from CAD (`swingid.body.cad`).
+    about : (direction, distance from the centre of mass in m) of further axes
+        Whose inertia is predicted.
 
-    Raises InputError for files and keys that cannot be used, UnanswerableError where the axes do not determine the six
-    elements, or where no body has the tensor that they give.
+    Raises
+    ------
+    InputError
+        Files and keys that cannot be used.
+    UnanswerableError
+        The axes do not determine the six elements, or no body has the tensor that they give.
     """
     stated = axes if isinstance(axes, Axes) else load_axes(axes, len(results))
     read, identities, warnings = read_axes(stated, results)

@@ -97,14 +97,33 @@ def backstepping_step(reference: float, angle: float, wheel_angle: float, state:
 class Backstepping(SampledController):
     """The controller (21) with its gains, its first estimates and its model of rig and motor.
 
-    gravity_torque b (N m); a12, a22 and `carried` = J2 + Jr (kg m^2); c4 = a4/a2 and c7 = a7/a2 of (11) (1/V, s/rad).
-    n1, n2 (1/s), gamma1 (1/rad^2), gamma2 (1/s^2): gains; alpha2 (1/s^2), alpha3 (1/s), least: first estimates and
-    their lower bound; all by default as in section 5. law: "printed" or "consistent". observers: of axis and wheel.
-    coulomb_voltage, dead_zone_voltage, back_emf_ratio, voltage_limit: as in `Compensator`. sample_time (s) is used by
-    `step` alone.
+    Not where motor constants or b are unknown; where the reference is not smooth, y_m'' has impulses.
 
-    Not where motor constants or b are unknown; where the reference is not smooth, y_m'' has impulses. Raises
-    UsageError for gains out of range.
+    Parameters
+    ----------
+    gravity_torque : float, N m
+        b of (I).
+    a12, a22, carried : float, kg m²
+        Coefficients of (I) and (II); J2 + Jr.
+    c4, c7 : float, 1/V and s/rad
+        a4/a2 and a7/a2 of (11).
+    n1, n2, gamma1, gamma2 : float, 1/s, 1/s, 1/rad², 1/s²
+        Gains, by default as in section 5.
+    alpha2, alpha3, least : float, 1/s², 1/s
+        First estimates, and their lower bound.
+    law : "printed" or "consistent"
+        Of adaptation.
+    observers
+        Of axis and wheel, (23).
+    coulomb_voltage, dead_zone_voltage, back_emf_ratio, voltage_limit
+        As in `Compensator`.
+    sample_time : float, s
+        Used by `step` alone.
+
+    Raises
+    ------
+    UsageError
+        Gains out of range.
     """
 
     gravity_torque: float

@@ -35,19 +35,40 @@ def _hurwitz(polynomial: Sequence[float]) -> bool:
 class Compensator(SampledController):
     """The consecutive compensator with its gains and its model of the motor.
 
-    `delta0` (rad), `sigma0` (1/s), `lambda0` (1/s): (18), (19). `k_tilde0` start and `k_tilde_max` optional
-    upper bound of the gain (17). `filter_time` (s): W_f = 1/(T p + 1) of (18), 0 for none. `alpha`:
-    polynomial of order rho - 1, highest power first; `k` = (k_1, ..., k_(rho-1)) of (16). The relative
-    degree rho is `len(alpha)`. `voltage_limit` (V): saturation, None for none. `coulomb_voltage` = f3/(c1
-    eta) (V) of u1; `dead_zone_voltage` = (d2, d1)/(c1 eta) (V) of u3 (12); `back_emf_ratio` = c2/c1 (V
-    s/rad). `dead_zone_switch`: "exact" switches u3 on the sign of c1 (u1 + u2) - c2 q2', "printed" on that
-    of u1 + u2. `plant_sign`: -1 where a positive voltage drives the angle down (reaction wheel, as printed
-    in (15)), +1 where up. `differentiate_gain`: True applies alpha(p) to the product k tilde xi_1, as (20)
-    does; False is (15) to the letter, k tilde alpha(p) xi_1. They differ only while k tilde grows.
-    `wheel_filter_time` (s) smooths the wheel's sampled differences, 0 for none. `sample_time` (s) is used
-    by `step`.
+    Parameters
+    ----------
+    delta0, sigma0, lambda0 : float, rad, 1/s, 1/s
+        Of (18), (19).
+    k_tilde0, k_tilde_max : float
+        Start and optional upper bound of the gain (17).
+    filter_time : float, s
+        T of W_f = 1/(T p + 1) in (18), 0 for none.
+    alpha : (rho,) float
+        Polynomial of order rho − 1, highest power first; rho is the relative degree.
+    k : (rho − 1,) float
+        k_1, ..., k_(rho−1) of (16).
+    voltage_limit : float, V
+        Saturation, None for none.
+    coulomb_voltage, dead_zone_voltage : float; (2,) float, V
+        f3/(c1 eta) of u1; (d2, d1)/(c1 eta) of u3 in (12).
+    back_emf_ratio : float, V s/rad
+        c2/c1.
+    dead_zone_switch : "exact" or "printed"
+        Whether u3 switches on the sign of c1 (u1 + u2) − c2 q2', or of u1 + u2.
+    plant_sign : −1 or +1
+        −1 where a positive voltage drives the angle down: a reaction wheel, as printed in (15).
+    differentiate_gain : bool
+        True applies alpha(p) to the product k tilde xi_1, as (20) does; False is (15) to the letter, k tilde
+        alpha(p) xi_1. They differ only while k tilde grows.
+    wheel_filter_time : float, s
+        Smooths the wheel's sampled differences, 0 for none.
+    sample_time : float, s
+        Used by `step` alone.
 
-    Raises UsageError for gains out of range and for a chain or an alpha that is not stable.
+    Raises
+    ------
+    UsageError
+        Gains out of range, a chain or an alpha that is not stable.
     """
 
     delta0: float

@@ -33,21 +33,32 @@ def difference(
 ) -> Result:
     """Inertia of the body that `loaded` has and `tare` has not, from two results of one method on one rig.
 
-    tare, loaded: results, or the JSON files that hold them. What both runs share (the wheel's inertia, encoders)
-    enters with the difference of its sensitivities and so partly cancels; scatter and what differs add in squares.
+    What both runs share (the wheel's inertia, encoders) enters with the difference of its sensitivities and so partly
+    cancels; scatter and what differs add in squares. Do not use it where the body also changes the friction law at
+    standstill or the way the axis is held: such changes are taken for inertia.
 
-    mass, distance: of the body and of its centre from the axis, numbers in SI or text such as "68.0 ± 0.1 g"; with them
-    `inertia` is about the body's own centre, J_c = J_e − m d² (Huygens–Steiner), and `inertia_about_axis` is J_e.
+    Parameters
+    ----------
+    tare, loaded : Result or path
+        Results, or the JSON files that hold them.
+    mass, distance : numbers in SI, or text such as "68.0 ± 0.1 g"
+        Of the body, and of its centre from the axis. With them `inertia` is about the body's own centre, J_c = J_e −
+        m d² (Huygens–Steiner), and `inertia_about_axis` is J_e.
+    known : number in SI, or text
+        The body's inertia as known otherwise (about the axis; about its own centre where mass and distance are given).
+        It calibrates the scale, see `known_body`: `scale_factor`, the constant that it corrects, `tare_inertia` and
+        `loaded_inertia` are parameters too, and `inertia` stays what was measured with the scale of the rig. Of two
+        results of ratios it gives the constant that is unknown (a wire's stiffness, the wheel's inertia, the gain of
+        a torque) with `tare_inertia` and `loaded_inertia`; `inertia` is that of the body, as it was given.
 
-    known: the body's inertia as known otherwise (about the axis; about its own centre where mass and distance are
-    given). It then calibrates the scale, see `known_body`: `scale_factor`, the constant that it corrects,
-    `tare_inertia` and `loaded_inertia` are parameters too. `inertia` stays what was measured with the scale of the rig.
-    Of two results of ratios it gives the constant that is unknown (a wire's stiffness, the wheel's inertia, the gain of
-    a torque) with `tare_inertia` and `loaded_inertia`; `inertia` is that of the body, as it was given.
-
-    Raises InputError for files that hold no inertia or do not belong together, UnanswerableError where the difference
-    is lost in its uncertainty, UsageError for options that do not fit. Do not use it where the body also changes the
-    friction law at standstill or the way the axis is held: such changes are taken for inertia.
+    Raises
+    ------
+    InputError
+        Files that hold no inertia or do not belong together.
+    UnanswerableError
+        The difference is lost in its uncertainty.
+    UsageError
+        Options that do not fit.
 
     Examples
     --------

@@ -35,20 +35,39 @@ __all__ = ["CHANNELS", "Finding", "Recording", "Source"]
 class Recording:
     """Measured channels of one run, all of one length, float64 and not writeable.
 
-    time: s, strictly increasing, not necessarily evenly spaced. angle: rad (m on a linear axis), 0 hanging,
-    positive counter-clockwise, continuous over turns. wheel_angle: rad, relative to the pendulum, continuous.
-    angle_speed: rad/s (m/s), the rate of the angle where the rig logs it, as logged; where no angle is, that is its
-    integral without a straight line. wheel_speed: rad/s, as logged (absolute where the rig states so), only where the
-    rig logs it in place of the wheel's angle, which then is its integral. voltage: V. torque: N m (N), what the direct
-    drive applied. bridge: 0 while that of a motor on the axis is open, and no current flows. reference: as angle;
-    adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held: True when
-    row k's voltage or torque acts from t_k to t_(k+1), False when it is a measurement at t_k. averaged: rows of the log
-    that each row is the mean of (`recording.large`). left_out (k, 2): from when to when (s) rows are excluded, during
-    which an external torque acted; nothing may be continued across. selected: whether a user chose these rows,
-    all of which are used.
-
     Velocities that were not measured are not stored: a method that needs one documents how it is found.
-    Raises InputError when the channels do not fit together.
+
+    Parameters
+    ----------
+    time : (n,) s
+        Strictly increasing, not necessarily evenly spaced.
+    angle : (n,) rad, on a linear axis m
+        0 hanging, positive counter-clockwise, continuous over turns.
+    wheel_angle : (n,) rad
+        Relative to the pendulum, continuous.
+    angle_speed : (n,) rad/s or m/s
+        The rate of the angle as logged; where no angle is, that is its integral without a straight line.
+    wheel_speed : (n,) rad/s
+        As logged (absolute where the rig states so), only in place of the wheel's angle, which then is its integral.
+    voltage, torque : (n,) V; N m or N
+        Of the motor; what the direct drive applied.
+    bridge : (n,)
+        0 while that of a motor on the axis is open, and no current flows.
+    reference, adaptive_gain : (n,)
+        As angle; k tilde of the compensator or alpha_2^ of backstepping. These two may hold NaN.
+    drive_held : bool
+        True: row k's voltage or torque acts from t_k to t_(k+1). False: it is a measurement at t_k.
+    averaged : int
+        Rows of the log that each row is the mean of (`recording.large`).
+    left_out : (k, 2) s
+        From when to when rows are excluded, as an external torque acted; nothing is continued across.
+    selected : bool
+        Whether a user chose these rows, all of which are used.
+
+    Raises
+    ------
+    InputError
+        Channels that do not fit together.
 
     Examples
     --------

@@ -37,17 +37,29 @@ NOISES = 10.0
 def online(samples: Iterable[object] | Recording, rig: Rig, method: str = "momentum") -> Iterator[SwingEstimate]:
     """One estimate per swing of a stream, each as soon as the swing after it has turned around.
 
-    samples: rows (t, angle, wheel_angle, voltage or torque) in the units and conventions of a Recording (s, rad or m,
-    V, N m or N; wheel relative to the pendulum; a held voltage or torque acts from its row to the next); or a
-    Recording, or several, one after the other. A channel that the rig does not have is None, or absent at the end of a
-    row; a value in its place is ignored. Rows with NaN and rows out of order are excluded and counted. method:
-    "momentum" or "energy". Stores two swings of rows and sums of fixed size at any length.
-
     Unlike `identify` it uses every swing, also those of the transient, and its uncertainty contains only the scatter of
-    the swings, the timing of the turning points and what rig.toml declares: for the record, identify the log.
+    the swings, the timing of the turning points and what rig.toml declares: for the record, identify the log. It stores
+    two swings of rows and sums of fixed size at any length.
 
-    Raises UsageError for another method, InputError for samples that are no rows or a wheel of the wrong sign,
-    UnanswerableError where the stream ends without enough swings.
+    Parameters
+    ----------
+    samples : rows (t, angle, wheel_angle, voltage or torque), or Recordings
+        In the units and conventions of a Recording (s, rad or m, V, N m or N; wheel relative to the pendulum; a held
+        voltage or torque acts from its row to the next). A channel that the rig does not have is None, or absent at
+        the end of a row; a value in its place is ignored. Rows with NaN and rows out of order are excluded and counted.
+    rig : Rig
+        As of `identify`.
+    method : "momentum" or "energy"
+        As of `identify`.
+
+    Raises
+    ------
+    UsageError
+        Another method.
+    InputError
+        Samples that are no rows, a wheel of the wrong sign.
+    UnanswerableError
+        The stream ends without enough swings.
 
     Examples
     --------

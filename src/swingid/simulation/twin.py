@@ -170,19 +170,40 @@ def simulate(
     draw: bool = False,
     encoder_zero: tuple[float, float] = (0.0, 0.0),
 ) -> Recording:
-    """What the rig would log in `duration` (s) at `rate` (1/s): rows at 0, 1/rate, ..., duration.
+    """Simulate what the rig would log.
 
-    With a `reference` (a function of times (s), giving rad, or words such as "sine 0.8 rad 8.5 rad/s") the
-    `controller` moves the rig, by default the compensator with the gains of the paper's experiment. With `drive`, an
-    array of one command per row (V; direct drive N m), the loop is open. With neither the command is zero: a free decay
-    from `initial_angle` (rad or m) and `initial_speed`. `push`: torque on the axis from outside, as of a hand, one
-    value per row that is held to the next (N m or N). The encoders of `rig.sensors` always apply, drawn by `seed`; with
-    `draw` so are all constants with a stated uncertainty, so that the rig is one of those its file allows.
-    `encoder_zero` (rad): what the encoders of axis and wheel read at angle 0.
+    Without `reference` and `drive` it is a free decay. The encoders of `rig.sensors` always apply, drawn by `seed`. The
+    true values are in `Recording.truth`; no method reads them. `simulate_run` gives the true motion, too.
 
-    The true values are in `Recording.truth`; no method reads them. `simulate_run` gives the true motion, too.
+    Parameters
+    ----------
+    rig : Rig
+        With its inertia.
+    reference : function of times (s) to rad, or words such as "sine 0.8 rad 8.5 rad/s"
+        What the controller moves the rig after.
+    controller
+        By default the compensator with the gains of the paper's experiment.
+    duration, rate : float, s and 1/s
+        Rows at 0, 1/rate, ..., duration.
+    seed : int
+        Of everything that is drawn.
+    initial_angle, initial_speed : float, rad and rad/s (m and m/s)
+        At the first row.
+    drive : (rows,), V; of a direct drive N m
+        Open loop: one command per row.
+    push : (rows,), N m or N
+        Torque on the axis from outside, as of a hand, held to the next row.
+    draw : bool
+        Draw all constants with a stated uncertainty too, so that the rig is one of those its file allows.
+    encoder_zero : (2,), rad
+        What the encoders of axis and wheel read at angle 0.
 
-    Raises UsageError for contradicting arguments, InputError for a rig without inertia or gravity torque.
+    Raises
+    ------
+    UsageError
+        Contradicting arguments.
+    InputError
+        A rig without inertia or gravity torque.
 
     Examples
     --------

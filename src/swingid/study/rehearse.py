@@ -85,14 +85,31 @@ def rehearse(
     """Run the planned experiment `runs` times on the twin of `rig` and identify every log by every method.
 
     In each run the constants with a stated uncertainty, the imperfections and places of the encoders, noise and jitter
-    are drawn; run k draws by `seed` + k, so the answer is the same for any number of `workers` (processes; default: one
-    per core).
-    methods: names, or options by name; all of them by default. faults: what the rig, its file or its log has and nobody
-    knows, as "clock: 200 ppm" (`study.faults`). The rig must state axis.inertia; friction as in
-    axis.friction. progress(done, runs) is called after each run.
+    are drawn.
 
-    Raises InputError for a rig without axis.inertia, UsageError for too few runs, UnanswerableError where no method
-    answers in any run.
+    Parameters
+    ----------
+    rig : Rig
+        Must state axis.inertia; friction as in axis.friction.
+    reference, controller, duration, rate, initial_angle
+        The experiment, as of `simulate`.
+    runs, seed, workers : int
+        Run k draws by `seed` + k, so the answer is the same for any number of processes (by default one per core).
+    methods : names, or options by name
+        All of them by default.
+    faults : texts
+        What the rig, its file or its log has and nobody knows, as "clock: 200 ppm" (`study.faults`).
+    progress : function
+        Called with (done, runs) after each run.
+
+    Raises
+    ------
+    InputError
+        A rig without axis.inertia.
+    UsageError
+        Too few runs.
+    UnanswerableError
+        No method answers in any run.
     """
     if runs < FEWEST_RUNS:
         raise UsageError(f"{runs} runs are too few to expect anything; take {FEWEST_RUNS} or more.", code="few-runs")

@@ -137,11 +137,22 @@ def validate(
 ) -> Validation:
     """Predict `logs` by the model that `result` identified, and compare.
 
-    input: what drives the prediction of a reaction wheel, "wheel" (its measured angle; needs no motor, default) or
-    "voltage" (both rows of the model). rig: that of the logs; its inertia and friction are not read.
+    Parameters
+    ----------
+    result : Result
+        As `identify` gives it.
+    logs, rig
+        Other logs and their rig, whose inertia and friction are not read.
+    input : "wheel" (default) or "voltage"
+        What drives the prediction of a reaction wheel: its measured angle, which needs no motor, or both rows of the
+        model.
 
-    Raises InputError for a refused result, a missing channel or one of the wrong sign, UnanswerableError for a log
-    without motion.
+    Raises
+    ------
+    InputError
+        A refused result, a missing channel or one of the wrong sign.
+    UnanswerableError
+        A log without motion.
 
     Examples
     --------

@@ -39,9 +39,21 @@ Term = tuple[str, str]
 
 
 def parse_reference(text: str, unit: str = "rad") -> Reference:
-    """The reference motion that `text` names, after the grammar of this module; `unit` is that of a bare amplitude.
+    """Return the reference motion that a text names.
 
-    Raises UsageError for text outside the grammar, with an example, and InputError for an unusable file.
+    Parameters
+    ----------
+    text
+        After the grammar of this module.
+    unit
+        Of a bare amplitude.
+
+    Raises
+    ------
+    UsageError
+        Text outside the grammar, with an example.
+    InputError
+        An unusable file.
 
     Examples
     --------

@@ -123,11 +123,19 @@ def _require(path: str | Path) -> File:
 class LargeLog:
     """A log of a rig that is too large to be read whole.
 
-    repairs: switches as of `Recording.load`. span: the part of the log (s) to use, None for all. progress: is called
-    with the rows read so far and the rows of the log (`rows`, of text about so many) after each part is identified.
-    workers: processes that identify parts, up to 4; None for one per core where they need no main module (Linux, up to
-    Python 3.13), else 1. More need `if __name__ == "__main__":` around a program's work there. The result is the same.
-    digest: gives the SHA-256 of the file where it is being computed already.
+    Parameters
+    ----------
+    repairs
+        Switches as of `Recording.load`.
+    span : (start, stop), s
+        The part of the log to use, None for all.
+    progress : function of two numbers
+        Called after each part with the rows read so far and the rows of the log (`rows`, of text about so many).
+    workers : int
+        Processes that identify parts, up to 4. None: one per core where they need no main module (Linux, up to Python
+        3.13), else 1; more need ``if __name__ == "__main__":`` around a program's work. The result is the same.
+    digest : function
+        Gives the SHA-256 of the file where it is being computed already.
     """
 
     path: str

@@ -154,10 +154,25 @@ class Comparison(Study):
 def compare(
     logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[str] | None = None, *, part: object = None
 ) -> Comparison:
-    """Put every method, or the named ones, on the same logs; part: of each of them, as of `identify`.
+    """Put every method, or the named ones, on the same logs.
 
-    A method that refuses a log, or crashes on it, is a trial with its reason, not an error. Raises UsageError for an
-    unknown method, UnanswerableError where every method refuses every log.
+    A method that refuses a log, or crashes on it, is a trial with its reason, not an error.
+
+    Parameters
+    ----------
+    logs, rig
+        As of `identify`; each log is compared by itself.
+    methods : names
+        All methods by default.
+    part
+        Of each log, as of `identify`.
+
+    Raises
+    ------
+    UsageError
+        An unknown method.
+    UnanswerableError
+        Every method refuses every log.
 
     Examples
     --------

@@ -66,14 +66,35 @@ def design(
 ) -> Design:
     """Propose the motion that gives the inertia of `rig` with the wanted standard uncertainty, by the method momentum.
 
-    uncertainty: a share (5e-4 or "0.05 %") or an absolute value with its unit ("1.5e-6 kg*m^2"). duration: longest run
-    (s). max_angle: rad (m); default 0.8 rad. max_speed: of the wheel against the body (without a wheel: of the axis),
-    rad/s (m/s). The voltage limit is the rig's. inertia, gravity_torque: the expected values where the rig states none;
-    the rig's axis.friction is the expected friction. rate: rows per second. settling (s): the controller's time to
-    reach its motion. check: run the proposal once on the twin (with the paper's gains).
+    Parameters
+    ----------
+    rig : Rig
+        Its voltage limit holds, and its axis.friction is the expected friction.
+    uncertainty : float or text
+        A share (5e-4 or "0.05 %"), or an absolute value with its unit ("1.5e-6 kg*m^2").
+    duration : float, s
+        Longest run.
+    max_angle : float, rad or m
+        0.8 rad by default.
+    max_speed : float, rad/s or m/s
+        Of the wheel against the body; without a wheel, of the axis.
+    inertia, gravity_torque : float or text
+        Expected values where the rig states none.
+    rate : float, 1/s
+        Rows per second.
+    settling : float, s
+        The controller's time to reach its motion.
+    check : bool
+        Run the proposal once on the twin, with the paper's gains.
 
-    Raises UsageError for values out of range, InputError where an expected value is missing, UnanswerableError where no
-    motion within the limits reaches the uncertainty.
+    Raises
+    ------
+    UsageError
+        Values out of range.
+    InputError
+        An expected value is missing.
+    UnanswerableError
+        No motion within the limits reaches the uncertainty.
 
     Examples
     --------

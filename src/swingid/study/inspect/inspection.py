@@ -128,9 +128,19 @@ class Inspection(Study):
 
 
 def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
-    """Look at a log (of a large one at its first rows); raises InputError only where the file is no table.
+    """Look at a log: what it holds, how much of it is usable, whether it fits the rig.
 
-    path: the file. rig: against which the log is checked too, if given. In `swingid` it is called `inspect`.
+    Parameters
+    ----------
+    path : text or Path
+        The file; of a large one the first rows are read.
+    rig : Rig
+        Against which the log is checked too, if given.
+
+    Raises
+    ------
+    InputError
+        The file is no table.
 
     Examples
     --------

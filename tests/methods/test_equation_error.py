@@ -123,7 +123,7 @@ def test_gravity_torque_from_two_tones():
     result = solved(two_tones(), rig)
     assert result.inertia.value == pytest.approx(INERTIA, rel=1e-6)
     assert result.parameters["gravity_torque"].value == pytest.approx(78e-3, rel=1e-6)
-    assert result.covariance["inertia"]["gravity_torque"] > 0
+    assert result.covariance_of_fit["inertia"]["gravity_torque"] > 0
 
 
 def test_gravity_torque_and_inertia_move_together_at_one_small_tone():

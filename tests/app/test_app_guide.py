@@ -288,6 +288,22 @@ def test_lines_above_a_table_are_skipped_where_they_are_not_found(log, tmp_path)
     assert answered(case_of(draft), "momentum", {}).main.value == pytest.approx(INERTIA, rel=1e-3)
 
 
+def test_ticks_of_a_timer_need_their_time(log, tmp_path):
+    rows = log.read_text(encoding="utf-8").splitlines()[1:]
+    path = tmp_path / "ticks.csv"
+    ticks = [f"{round(float(t) * 2e6)},{angle}" for t, angle, _ in (row.split(",") for row in rows)]
+    path.write_text("\n".join(["ticks,pendulum_deg", *ticks]) + "\n", encoding="utf-8")
+    draft = Draft(logs={"ticks.csv": path})
+    draft.take_guess(looked(str(path)))
+    assert draft.ticks
+    assert not draft.has_clock
+    draft.units["time"] = "0.5 us"
+    assert draft.has_clock
+    draft.kind, draft.answers["gravity"] = "free", (1, {"axis.gravity_torque": "78 ± 0.4 mN m"})
+    assert draft.values()["log.time_unit"] == "0.5 us"
+    assert answered(case_of(draft), "momentum", {}).main.value == pytest.approx(INERTIA, rel=1e-3)
+
+
 @pytest.mark.parametrize("turned", ["angle", "none"])
 def test_a_track_is_even_whatever_the_log_is(turned):
     time = np.array([0.0, 0.1, 0.5, 2.0])

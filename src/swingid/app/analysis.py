@@ -30,6 +30,7 @@ from swingid.processes import interruption_waits
 from swingid.recording.formats import read_table
 from swingid.recording.formats.csv import without_lines
 from swingid.recording.inspect import describe, guess_roles
+from swingid.recording.inspect.candidates import counts_ticks
 from swingid.recording.large import first_rows, is_large
 from swingid.recording.load import read_bytes
 from swingid.recording.recording import Recording
@@ -159,6 +160,7 @@ def looked(path: str, skip: int = 0) -> dict[str, Any]:
     stamps = np.arange(float(max((len(one.values) for one in columns), default=0)))
     if clock is not None:
         stamps = named[clock.column].values * SECONDS[clock.unit]
+    timed = clock is not None and not counts_ticks(clock.column)
     drawn = {}
     for one in columns:
         numbers = one.kind in ("numbers", "whole numbers") and len(one.values) == len(stamps)
@@ -175,11 +177,12 @@ def looked(path: str, skip: int = 0) -> dict[str, Any]:
             name: vars(role) if hasattr(role, "__dict__") else asdict(role) for name, role in roles.found.items()
         },
         "skip": skip,
+        "ticks": clock is not None and not timed,
         "is_named": any(column.name != f"column{k}" for k, column in enumerate(columns, start=1)),
         "zero_up": roles.zero_up,
         "linear": roles.linear,
         "rows": len(stamps),
-        "duration": float(np.nanmax(stamps) - np.nanmin(stamps)) if len(stamps) and clock is not None else 0.0,
+        "duration": float(np.nanmax(stamps) - np.nanmin(stamps)) if len(stamps) and timed else 0.0,
         "returns": moving is None or _returns(named[moving.column].values, moving.role),
     }
 

@@ -29,8 +29,13 @@ WIDEST = 0.05
 SHOWN = 5
 """Contributions that are shown as bars."""
 
-OUTSIDE = 8.0
-"""Robust standard deviations beyond which a swing is left out of the picture, for the others to be seen."""
+OUTSIDE, FEW = 8.0, 0.1
+"""Robust standard deviations beyond which a swing is left out of the picture, for the others to be seen; the largest
+share of swings that is left out: more of them are no exceptions, and all are shown.
+"""
+
+FILE = re.compile(r"^[^:;]*\.\w{2,8}: (?:rig [^:]*: )?")
+"""The file and the rig file that a refusal begins with."""
 
 
 STATES = re.compile(r"(?:the|an?|its?|they|their|this|these|that|which|both|no)\b", re.IGNORECASE)
@@ -201,8 +206,13 @@ def swings_picture(found: Result) -> None:
     bounds = main.interval95
     band = None if not bounds else (bounds[0], main.value, bounds[1])
     words = parameter_word(found.leading, linear=main.unit == "kg").words
-    title = f"{len(values)} swings give the same {words} to {percent(spread / abs(middle))}"
-    if not near.all():
+    title = f"{int(near.sum())} swings give the same {words} to {percent(spread / abs(middle))}"
+    if np.mean(~near) > FEW:
+        near[:] = True
+        title = (
+            f"{len(values)} swings do not give the same {words}: it scatters by {percent(np.std(values) / abs(middle))}"
+        )
+    elif not near.all():
         title += f"; {int((~near).sum())} far off are not drawn"
     unit = pretty_unit(main.unit)
     lines = [Line("upper", unit, points=True, colour=BLUE), Line("lower", unit, True, ORANGE)]
@@ -258,7 +268,7 @@ def _row_of(found: Result | None) -> tuple[Parameter | None, str]:
     if found is None:
         return None, "computing …"
     if found.leading not in found.parameters:
-        return None, _sentence(found.error.message if found.error else "no number")
+        return None, _sentence(FILE.sub("", found.error.message) if found.error else "no number")
     return found.main, "" if found.status == "ok" else " ⚠"
 
 

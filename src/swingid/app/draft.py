@@ -66,6 +66,7 @@ class Draft:
     zero: str = "down"
     rate: str = ""
     skip: int = 0
+    ticks: bool = False
     kind: str = ""
     answers: dict[str, tuple[int, dict[str, str]]] = field(default_factory=dict)
     parts: list[tuple[float, float]] = field(default_factory=list)
@@ -85,6 +86,9 @@ class Draft:
         self.zero = "up" if looked["zero_up"] else "down"
         self.rate = ""
         self.skip = int(looked["skip"])
+        self.ticks = bool(looked["ticks"])
+        if self.ticks:
+            self.units["time"] = ""
 
     def assign(self, column: str, role: str) -> None:
         """Give a column a role ("" for none); what had that role before has none."""
@@ -93,6 +97,11 @@ class Draft:
             self.columns[role] = column
             self.why[role] = "your choice"
             self.units.setdefault(role, UNITS.get(role, ("",))[0])
+
+    @property
+    def has_clock(self) -> bool:
+        """Return whether times are known: a column of them with its unit, or the rows of each second."""
+        return bool(self.units.get("time") or not self.ticks if "time" in self.columns else self.rate)
 
     @property
     def moves(self) -> bool:
@@ -115,10 +124,17 @@ class Draft:
         number, texts = self.answers.get(question.name, (0, {}))
         return question.ways[number], texts
 
+    def asks(self, question: Question) -> bool:
+        """Return whether a question is open: that of the rotor not where wheel and rotor are the unit of the result."""
+        if question.name == "relative":
+            return "wheel_angle" in self.columns
+        return question.name != "rotor" or self.answers.get("wheel", (0, {}))[0] == 0
+
     def open_fields(self) -> list[str]:
         """Words of the fields that are still empty."""
         kind = self.rig_kind
-        ways = [] if kind is None or self.base else [self.way(question) for question in kind.questions]
+        questions = () if kind is None or self.base else kind.questions
+        ways = [self.way(question) for question in questions if self.asks(question)]
         return [one.words for way, texts in ways for one in way.fields if not one.holds(texts.get(one.key, ""))]
 
     def values(self, *, filled: bool = False) -> dict[str, object]:
@@ -132,7 +148,7 @@ class Draft:
             found |= {**kind.fixed, "drive.kind": kind.drive}
             for question in kind.questions:
                 way, texts = self.way(question)
-                if question.name == "relative" and "wheel_angle" not in self.columns:
+                if not self.asks(question):
                     continue
                 found |= way.values
                 for one in way.fields:
@@ -160,7 +176,7 @@ class Draft:
         for role in (role for role in known if role in columns):
             found[f"log.{role}"] = columns[role]
             unit = self.units.get(role, "")
-            if unit in UNITS.get(role, ()) and unit != UNITS[role][0]:
+            if (unit in UNITS.get(role, ()) and unit != UNITS[role][0]) or (role == "time" and self.ticks and unit):
                 found[f"log.{role}_unit"] = unit
             if role == "angle" and self.zero != "down" and not self.linear:
                 found["log.angle_zero"] = _typed(self.zero)

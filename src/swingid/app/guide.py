@@ -134,7 +134,7 @@ class Guide:
     def _looked(self) -> None:
         """A role, unit or sign was changed: what rests on it is to be done again."""
         columns = self.draft.columns
-        ready = bool(self.draft.base) or (self.draft.moves and ("time" in columns or bool(self.draft.rate)))
+        ready = bool(self.draft.base) or (self.draft.moves and self.draft.has_clock)
         if self.next is not None:
             self.next.set_enabled(ready)
         kind = self.draft.rig_kind

@@ -145,6 +145,16 @@ WHEEL_ENCODER = _encoder(
     Way("as of the body, or not known", cost="What is stated of the body's encoder counts for the wheel's."),
 )  # fmt: skip
 
+ROTOR = Question(
+    "rotor", "Rotor of the wheel's motor", "It turns with the wheel; its inertia is in the data sheet of the motor.",
+    (
+        Way("not known", cost="It counts as 0 ± 5 % of the inertia of the wheel."),
+        Way("value", (Field("drive.motor.rotor_inertia", "inertia of the rotor", "10 ± 1 g cm²"),
+                      Field("drive.motor.gear_ratio", "turns of the rotor per turn of the wheel", "1"))),
+        Way("part of the wheel's", values={"drive.motor.rotor_inertia": 0}),
+    ),
+)  # fmt: skip
+
 HELD = Question(
     "held", "What the column of the torque holds", "A command acts until the next row; a reply is measured.",
     (Way("commanded", values={"log.drive_held": True}), Way("measured", values={"log.drive_held": False})),
@@ -155,6 +165,7 @@ KINDS = (
          ("driven-wheel", 0, 1), "reaction-wheel", (
              _value("wheel", "Moment of inertia of the wheel", "About its own axis. A disc has m r²/2: weigh it, and "
                     "measure its radius.", "drive.wheel.inertia", "1134 ± 5 g cm²", RATIO),
+             ROTOR,
              _gravity(DRIVEN_UNKNOWN, BALANCED),
              Question("relative", "What the wheel's sensor measures", "A sensor on the body sees the wheel turn "
                       "relative to the body.", (

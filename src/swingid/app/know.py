@@ -93,7 +93,7 @@ class Know:
         self.wrong = {}
         with self.place:
             for question in kind.questions:
-                if question.name != "relative" or "wheel_angle" in self.draft.columns:
+                if self.draft.asks(question):
                     self._question(question)
             if kind.name == "flywheel" and len(self.draft.logs) > 1:
                 self._bodies()

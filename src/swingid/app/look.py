@@ -40,10 +40,11 @@ class Look:
         self.analyst, self.folder, self.taken, self.changed = analyst, folder, taken, changed
         self.place: ui.column
         self.home: ui.element
+        self.upload: ui.upload
 
     def offer(self) -> None:
         """A place to drop files, and examples."""
-        upload = ui.upload(
+        upload = self.upload = ui.upload(
             multiple=True, auto_upload=True, max_file_size=LARGEST, max_files=MOST, on_multi_upload=self._uploaded,
             on_rejected=lambda: ui.notify(TOO_MUCH, type="warning"),
         )  # fmt: skip
@@ -69,6 +70,7 @@ class Look:
                 return
             paths[name] = folder / name
             await file.save(paths[name])
+        self.upload.reset()
         self._take_soon(paths)
 
     async def _example(self, name: str) -> None:
@@ -147,6 +149,16 @@ class Look:
             lambda event: self._set_rate(str(event.value or ""))
         )
 
+    def _ask_tick(self) -> None:
+        """The time of a tick, which no log determines."""
+        tick = ui.input("time of a tick", value=self.draft.units.get("time", ""), placeholder="0.5 us")
+        tick.props("dense outlined stack-label").classes("w-32")
+        tick.on_value_change(lambda event: self._set_tick(str(event.value or "")))
+
+    def _set_tick(self, text: str) -> None:
+        self.draft.units["time"] = text.strip()
+        self.changed()
+
     def _set_rate(self, text: str) -> None:
         self.draft.rate = text
         self.changed()
@@ -167,11 +179,13 @@ class Look:
             with ui.column().classes("gap-2"):
                 with ui.element("div").classes("swingid-chips"):
                     options = {"": "not used"} | ROLES
-                    self._select(f"what {name} is", options, role, lambda value: self._assign(name, value), "w-52")
-                    if role in UNITS:
+                    self._select(f"what {name} is", options, role, lambda value: self._assign(name, value), "w-48")
+                    if role == "time" and draft.ticks:
+                        self._ask_tick()
+                    elif role in UNITS:
                         units = list(dict.fromkeys([*UNITS[role], draft.units.get(role, UNITS[role][0])]))
                         unit = draft.units.get(role, UNITS[role][0])
-                        self._select(f"unit of {name}", units, unit, lambda value: self._set_unit(role, value), "w-24")
+                        self._select(f"unit of {name}", units, unit, lambda value: self._set_unit(role, value), "w-28")
                     if role in SIGNED:
                         signs = {1: "sign +", -1: "sign −"}
                         sign = draft.signs.get(role, 1)

@@ -123,8 +123,9 @@ def driven_wheel() -> list[str]:
         turned(118, 34, -24, wheel),
         arc(118, 34, 62, 0, 22),
         words(102, 112, "q₁", "b", "start"),
-        arc(155.4, 118, 39, 120, 200, "arrow"),
-        words(214, 104, "q₂", "d", "start"),
+        arc(155.4, 118, 39, 20, 95, "arrow"),
+        words(198, 146, "q₂", "d", "start"),
+        *weight(118, 34, -24, 80, aside=38, bob=45),
         words(8, 150, "wheel J₂", "d", "start"),
         words(8, 168, "weighed, measured", "", "start"),
     ]

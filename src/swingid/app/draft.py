@@ -48,6 +48,9 @@ SIGNED = ("angle", "wheel_angle", "voltage", "torque")
 
 SOURCE = "rig.toml"
 
+STRINGS = re.compile(r"axis\.(bi|tri)filar\.")
+"""Keys of strings that hold a body."""
+
 
 @dataclass
 class Draft:
@@ -125,10 +128,10 @@ class Draft:
         return question.ways[number], texts
 
     def asks(self, question: Question) -> bool:
-        """Return whether a question is open: that of the rotor not where wheel and rotor are the unit of the result."""
+        """Return whether a question is open: not one that is of no use after the answers to others."""
         if question.name == "relative":
             return "wheel_angle" in self.columns
-        return question.name != "rotor" or self.answers.get("wheel", (0, {}))[0] == 0
+        return all(self.answers.get(name, (0, {}))[0] == 0 for name in question.after)
 
     def open_fields(self) -> list[str]:
         """Words of the fields that are still empty."""
@@ -155,6 +158,8 @@ class Draft:
                     text = texts.get(one.key) or (one.example if filled else "")
                     if text:
                         found |= one.options.get(text, {}) if one.options else {one.key: _typed(text)}
+        if "axis.stiffness" in found:  # of a wire, or in the place of strings whose sizes are not known
+            found = {"axis.gravity_torque": 0} | {key: at for key, at in found.items() if not STRINGS.match(key)}
         return found | self._log_values() | self.mends
 
     def _log_values(self) -> dict[str, object]:

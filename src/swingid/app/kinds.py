@@ -40,12 +40,16 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is to be known, where it is measured, and the ways to answer; the first way is offered."""
+    """What is to be known, where it is measured, and the ways to answer; the first way is offered.
+
+    after: questions that must be answered in their first way; else this one is of no use.
+    """
 
     name: str
     words: str
     where: str
     ways: tuple[Way, ...]
+    after: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +135,9 @@ def _value(name: str, words: str, where: str, key: str, example: str, cost: str,
 
 
 RATIO = "The answer is a ratio to it, not in kg m²."
-STRINGS_UNKNOWN = "Not known: choose a body on a wire, with a stiffness that is not known."
+STIFFNESS_UNKNOWN = Way(
+    "not known", values={"axis.stiffness": "unknown"}, cost="The answer is the stiffness over the inertia."
+)
 FREE_UNKNOWN = "The answer is m g l over the inertia, not kg m²."
 DRIVEN_UNKNOWN = "It is identified with the inertia; that needs motions of two frequencies, and the interval is wider."
 ENCODER = _encoder(
@@ -145,6 +151,20 @@ WHEEL_ENCODER = _encoder(
     Way("as of the body, or not known", cost="What is stated of the body's encoder counts for the wheel's."),
 )  # fmt: skip
 
+
+def _strings(table: str, words: str, where: str, across: Field) -> tuple[Question, ...]:
+    """Questions about strings that hold a body; words, where: what `across` is, the size of their place."""
+    length = Field(f"{table}.length", "length L", "1.000 ± 0.002 m")
+    mass = Field(f"{table}.mass", "mass", "2.10 ± 0.01 kg")
+    ratio = Way("not known", values={mass.key: "unknown"}, cost="The answer is a ratio to the mass.")
+    return (
+        Question("length", "Length of the strings", "From clamp to clamp.", (Way("value", (length,)), STIFFNESS_UNKNOWN)),
+        Question("across", words, where, (Way("value", (across,)), STIFFNESS_UNKNOWN), ("length",)),
+        Question("mass", "Mass of all that hangs", "Weigh it with what carries it.", (Way("value", (mass,)), ratio),
+                 ("length", "across")),
+    )  # fmt: skip
+
+
 ROTOR = Question(
     "rotor", "Rotor of the wheel's motor", "It turns with the wheel; its inertia is in the data sheet of the motor.",
     (
@@ -153,6 +173,7 @@ ROTOR = Question(
                       Field("drive.motor.gear_ratio", "turns of the rotor per turn of the wheel", "1"))),
         Way("part of the wheel's", values={"drive.motor.rotor_inertia": 0}),
     ),
+    ("wheel",),
 )  # fmt: skip
 
 HELD = Question(
@@ -181,20 +202,12 @@ KINDS = (
          fixed={"axis.gravity_torque": 0}),
     Kind("bifilar", "A body on two strings", "Twists about the vertical; strings of equal length.",
          ("strings", 0.31, 0.36), "none", (
-             _value("mass", "Mass of all that hangs", "Weigh it with what carries it.", "axis.bifilar.mass",
-                    "2.10 ± 0.01 kg", "The answer is a ratio to the mass."),
-             Question("length", "Length of the strings", f"From clamp to clamp. {STRINGS_UNKNOWN}",
-                      (Way("value", (Field("axis.bifilar.length", "length L", "1.000 ± 0.002 m"),)),)),
-             Question("distance", "Distance of the strings", "At the body; above it is the same.",
-                      (Way("value", (Field("axis.bifilar.distance", "distance d", "450 ± 1 mm"),)),)), ENCODER)),
+             *_strings("axis.bifilar", "Distance of the strings", "At the body; above it is the same.",
+                       Field("axis.bifilar.distance", "distance d", "450 ± 1 mm")), ENCODER)),
     Kind("trifilar", "A body on three strings", "Twists about the vertical; strings on a circle.",
          ("strings", 0.66, 0.34), "none", (
-             _value("mass", "Mass of all that hangs", "Weigh it with what carries it.", "axis.trifilar.mass",
-                    "2.10 ± 0.01 kg", "The answer is a ratio to the mass."),
-             Question("length", "Length of the strings", f"From clamp to clamp. {STRINGS_UNKNOWN}",
-                      (Way("value", (Field("axis.trifilar.length", "length L", "1.000 ± 0.002 m"),)),)),
-             Question("radius", "Radius of the circle on which the strings hold the body", "From its middle.",
-                      (Way("value", (Field("axis.trifilar.radius", "radius r", "150 ± 0.5 mm"),)),)), ENCODER)),
+             *_strings("axis.trifilar", "Radius of the circle on which the strings hold the body", "From its middle.",
+                       Field("axis.trifilar.radius", "radius r", "150 ± 0.5 mm")), ENCODER)),
     Kind("direct", "A known torque on the axis", "A motor whose torque is logged swings the body.",
          ("direct", 0, 1), "direct", (
              _value("gain", "Torque per unit of its column", "1 where the column is in N m; else from a lever on a "

@@ -212,6 +212,16 @@ def test_each_kind_of_rig_gives_a_rig_file_whichever_way_its_questions_are_answe
     assert drawing(*kind.picture).count("<svg") == 2
 
 
+def test_a_key_that_is_missing_is_said_with_its_question():
+    draft = Draft(columns={"time": "t", "angle": "q"}, units={"angle": "counts"}, kind="free")
+    draft.answers["gravity"] = (2, {})
+    key, sentence = draft.trouble()
+    assert key == "sensors.counts_per_turn"
+    assert draft.where_to_say(key, sentence).endswith("; under “Encoder of the body” choose “kind and counts”.")
+    draft.answers["encoder"] = (2, {"sensors.counts_per_turn": "5880"})
+    assert draft.trouble() == ("", "")
+
+
 @pytest.mark.parametrize("unknown", ["length", "across"])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if "filar" in kind.name], ids=lambda kind: kind.name)
 def test_strings_of_unknown_size_are_a_stiffness_that_is_not_known(kind, unknown):

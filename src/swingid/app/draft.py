@@ -207,6 +207,15 @@ class Draft:
             return sentence.split()[0], sentence
         return "", ""
 
+    def where_to_say(self, key: str, sentence: str) -> str:
+        """The sentence of `trouble`, with the question and the way to answer it that state the key."""
+        kind = self.rig_kind
+        for question in () if kind is None or self.base else kind.questions:
+            for way in question.ways:
+                if key in [one.key for one in way.fields] and way != self.way(question)[0]:
+                    return f"{sentence.rstrip('.')}; under “{question.words}” choose “{way.words}”."
+        return sentence
+
     def read_as(self, key: str) -> str:
         """The quantity at a key as it was read, in SI; "" where there is none."""
         try:

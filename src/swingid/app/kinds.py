@@ -158,7 +158,8 @@ def _strings(table: str, words: str, where: str, across: Field) -> tuple[Questio
     mass = Field(f"{table}.mass", "mass", "2.10 ± 0.01 kg")
     ratio = Way("not known", values={mass.key: "unknown"}, cost="The answer is a ratio to the mass.")
     return (
-        Question("length", "Length of the strings", "From clamp to clamp.", (Way("value", (length,)), STIFFNESS_UNKNOWN)),
+        Question("length", "Length of the strings", "From clamp to clamp.",
+                 (Way("value", (length,)), STIFFNESS_UNKNOWN)),
         Question("across", words, where, (Way("value", (across,)), STIFFNESS_UNKNOWN), ("length",)),
         Question("mass", "Mass of all that hangs", "Weigh it with what carries it.", (Way("value", (mass,)), ratio),
                  ("length", "across")),

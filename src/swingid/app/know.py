@@ -187,7 +187,8 @@ class Know:
         empty = self.draft.open_fields()
         seen = any(field.key == key and texts.get(field.key) for field, texts in fields)
         missing = f"Still to fill in, or “not known”: {', '.join(empty)}." if empty else ""
-        self.rest.set_text(missing or ("" if seen else sentence))
+        self.rest.set_text(missing or ("" if seen else self.draft.where_to_say(key, sentence)))
+        self.rest.classes(replace="swingid-quiet" if missing else "swingid-wrong")
         self.code.set_content(f'<pre class="swingid-code" aria-label="rig.toml">{escaped(self.draft.text())}</pre>')
         self.changed()
 

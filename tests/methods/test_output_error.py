@@ -418,6 +418,15 @@ def test_what_only_shows_as_a_product_is_refused_by_name():
         identify(log, rig, "output-error", law="viscous", free="torque_per_volt, efficiency")
 
 
+def test_a_stated_gravity_torque_gives_the_scale_of_a_log_that_is_all_but_exact():
+    rig = free_rig(**{"axis.gravity_torque": "78 ± 0.4 mN m"})
+    exact = free_log(lambda v: 1.2e-4 * v, np.arange(0, 20, 0.01), 0.9)
+    log = replace(exact, angle=exact.angle + 1e-6 * np.random.default_rng(0).standard_normal(len(exact.angle)))
+    found = identify(log, rig, "output-error").main
+    assert found.standard_uncertainty == pytest.approx(INERTIA * 0.4 / 78, rel=0.05)
+    assert found.value == pytest.approx(INERTIA, abs=0.2 * found.standard_uncertainty)
+
+
 def test_wrong_motor_constants_break_the_voltage_not_the_wheel(viscous_log):
     off = GIVEN.changed({"drive.motor.torque_per_volt": 1.05 * 52.04e-4})
     result = identify(viscous_log, off, "output-error", law="viscous")

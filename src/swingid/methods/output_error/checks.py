@@ -44,7 +44,7 @@ OUTSIDE = 10.0
 """Zero offset of the angle, in standard deviations of a reading, that is worth a note."""
 
 UNSEEN = 1e-11
-"""Share of the information matrix' largest power below which a direction is rounding."""
+"""Share of the information matrix' largest power below which a direction is rounding, if no prior determines it."""
 
 
 def check_fit(
@@ -121,7 +121,9 @@ def _require_identifiable(estimate: Estimate) -> None:
     unknowns, matrix = estimate.unknowns, estimate.searched.fit.reduced.matrix
     scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     powers, directions = np.linalg.eigh(matrix * np.outer(scale, scale))
-    share = (directions[:, powers < UNSEEN * powers[-1]] ** 2).sum(axis=1)
+    prior = (unknowns.power * scale**2) @ directions**2  # beside a log that is exact to 1e-6 a prior looks like rounding
+    unseen = (powers < UNSEEN * powers[-1]) & (prior < powers / 2)
+    share = (directions[:, unseen] ** 2).sum(axis=1)
     blind = [
         item.name
         for item, own in zip(unknowns.items, share, strict=True)

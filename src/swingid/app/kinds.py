@@ -177,9 +177,18 @@ ROTOR = Question(
     ("wheel",),
 )  # fmt: skip
 
-HELD = Question(
-    "held", "What the column of the torque holds", "A command acts until the next row; a reply is measured.",
-    (Way("commanded", values={"log.drive_held": True}), Way("measured", values={"log.drive_held": False})),
+
+def _held(quantity: str) -> Question:
+    return Question(
+        "held", f"What the column of the {quantity} holds",
+        "A command acts until the next row; a reply is measured.",
+        (Way("commanded", values={"log.drive_held": True}), Way("measured", values={"log.drive_held": False})),
+    )  # fmt: skip
+
+
+GEAR = Question(
+    "gear", "Gear between motor and axis", "Friction of a gear grows with the torque that it carries.",
+    (Way("none, or not known"), Way("has a gear", values={"drive.motor.gear_friction": "unknown"})),
 )  # fmt: skip
 
 KINDS = (
@@ -213,7 +222,7 @@ KINDS = (
          ("direct", 0, 1), "direct", (
              _value("gain", "Torque per unit of its column", "1 where the column is in N m; else from a lever on a "
                     "scale.", "log.torque_gain", "1 ± 0.02", "It is found from m g l, if that is stated."),
-             HELD, _gravity(DRIVEN_UNKNOWN, BALANCED), ENCODER), (("angle", "angle_speed"), ("torque",))),
+             _held("torque"), _gravity(DRIVEN_UNKNOWN, BALANCED), ENCODER), (("angle", "angle_speed"), ("torque",))),
     Kind("servo", "A motor on the axis", "Servo, gimbal, QUBE: its voltage or pulse width is known.",
          ("servo", 0, 1), "motor", (
              _gravity("Then torque per volt must be known.", BALANCED),
@@ -221,13 +230,13 @@ KINDS = (
                     "drive.motor.torque_per_volt", "0.14 ± 0.01 N m/V", "It is identified; m g l must be stated.", ""),
              _value("volts", "Volts per unit of the column", "1 where the column is in V; of pulse widths the supply "
                     "over the largest number.", "log.voltage_scale", "12 ± 0.1 V / 255",
-                    "The column is taken as volts.", ""), ENCODER),
+                    "The column is taken as volts.", ""), _held("voltage"), GEAR, ENCODER),
          (("angle", "angle_speed"), ("voltage",))),
     Kind("flywheel", "A flywheel that runs down", "Balanced; spun up and let go.", ("flywheel", 0, 1), "none",
          (ENCODER,), fixed={"axis.gravity_torque": 0}),
     Kind("cart", "A carriage on a rail", "A known force moves it to and fro.", ("cart", 0, 1), "direct", (
         _value("gain", "Force per unit of its column", "1 where the column is in N.", "log.torque_gain",
-               "20.0 ± 0.1", "The answer is this gain over the mass."), HELD),
+               "20.0 ± 0.1", "The answer is this gain over the mass."), _held("force")),
          (("angle", "angle_speed"), ("torque",)), linear=True),
 )  # fmt: skip
 """All kinds, in the order of docs/which-rig.md."""

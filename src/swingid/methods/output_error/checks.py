@@ -121,7 +121,9 @@ def _require_identifiable(estimate: Estimate) -> None:
     unknowns, matrix = estimate.unknowns, estimate.searched.fit.reduced.matrix
     scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     powers, directions = np.linalg.eigh(matrix * np.outer(scale, scale))
-    prior = (unknowns.power * scale**2) @ directions**2  # beside a log that is exact to 1e-6 a prior looks like rounding
+    prior = (
+        unknowns.power * scale**2
+    ) @ directions**2  # beside a log that is exact to 1e-6 a prior looks like rounding
     unseen = (powers < UNSEEN * powers[-1]) & (prior < powers / 2)
     share = (directions[:, unseen] ** 2).sum(axis=1)
     blind = [

@@ -50,6 +50,7 @@ def test_most_cases_differ(target):
 
 
 @pytest.mark.long
+@pytest.mark.timeout(3600)
 def test_a_hundred_thousand_damaged_files():
     """In processes of their own, as many as there are processors; a crash, a hang and any output are failures, too."""
     assert sum(LONG.values()) >= 100_000

@@ -281,7 +281,7 @@ print(own * (1 if sys.platform == "darwin" else 1024))
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("ending", "rows"), [("h5", 1_500_000), pytest.param("mcap", 600_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize(("ending", "rows"), [("h5", 1_500_000), ("mcap", 1_500_000)])
 @pytest.mark.skipif(sys.platform == "win32", reason="no resource module")
 def test_memory_does_not_grow_with_the_log(tmp_path, ending, rows):
     """The peak of the process (of its helper, where that is larger) for a log and for one of a fifth of its rows."""
@@ -293,6 +293,6 @@ def test_memory_does_not_grow_with_the_log(tmp_path, ending, rows):
         path.write_bytes((hdf5 if ending == "h5" else mcap).write(columns, {}))
         # through a shell, for a process begins with the peak of the one that started it
         command = ["sh", "-c", '"$0" "$@"; exit $?', sys.executable, "-c", PEAK, str(path)]
-        run = subprocess.run(command, capture_output=True, text=True, check=True)
-        peaks.append(int(run.stdout))
+        runs = [subprocess.run(command, capture_output=True, text=True, check=True).stdout for _ in range(3)]
+        peaks.append(min(int(peak) for peak in runs))  # what the allocator keeps differs by megabytes from run to run
     assert peaks[1] - peaks[0] < 0.4 * 32 * (rows - rows // 5)  # bytes of the columns, of which there are more

@@ -123,7 +123,7 @@ def energy_run(
     angle, wheel, voltage (rows,) (wheel empty: no wheel). span: first and last sample used. levels: depths of the nodes
     in shares of the smaller swing. weights: `smoothing` of angle and wheel angle. work (7, rows), turns (blocks + 2,).
     """
-    reach, deep, found = weights[0].shape[1] - 1, len(levels), 0
+    reach, deep, filled = weights[0].shape[1] - 1, len(levels), 0
     v1, v2, sums = work[0], work[1], work[2:7]
     slopes(angle, weights[0][1], v1)
     for j in range(len(v2)):
@@ -140,7 +140,7 @@ def energy_run(
     for i in range(1, count - 1):
         top = angle[turns[i]]
         size = min(abs(top - angle[turns[i - 1]]), abs(top - angle[turns[i + 1]]))
-        complete = found < len(result)
+        complete = filled < len(result)
         for direction in (-1, 1):
             j, end = turns[i], turns[i + direction]
             for level in range(deep):
@@ -149,14 +149,14 @@ def energy_run(
                 complete = complete and j != end
                 if complete:
                     fill_node(
-                        result[found, deep + direction * (level + 1)], angle, v1, v2, sums, j, weights[0][0], constants
+                        result[filled, deep + direction * (level + 1)], angle, v1, v2, sums, j, weights[0][0], constants
                     )
         if complete:
-            fill_node(result[found, deep], angle, v1, v2, sums, turns[i], weights[0][0], constants)
-            found += 1
-        elif found < len(result):
-            result[found] = 0.0
-    return found
+            fill_node(result[filled, deep], angle, v1, v2, sums, turns[i], weights[0][0], constants)
+            filled += 1
+        elif filled < len(result):
+            result[filled] = 0.0
+    return filled
 
 
 @njit_sums
@@ -209,15 +209,15 @@ def energy_batch(
     blocks = plan.turns + plan.turns // 4 + 2
 
     def part(begin: int) -> tuple[Array, Array]:
-        own = slice(begin, begin + TOGETHER)
-        columns = np.empty((len(angle[own]), blocks, 2 * len(LEVELS) + 1, COLUMNS))
-        q1 = at_stamps(angle[own], rate, encoders.angle.latency.value)
-        q2 = at_stamps(wheel[own], rate, encoders.wheel.latency.value)
+        logs = slice(begin, begin + TOGETHER)
+        columns = np.empty((len(angle[logs]), blocks, 2 * len(LEVELS) + 1, COLUMNS))
+        q1 = at_stamps(angle[logs], rate, encoders.angle.latency.value)
+        q2 = at_stamps(wheel[logs], rate, encoders.wheel.latency.value)
         work, turns = np.empty((7, angle.shape[1])), np.empty(blocks + 2, np.int64)
-        channels = zip(q1, q2, volts[own], columns, strict=True)
+        channels = zip(q1, q2, volts[logs], columns, strict=True)
         counts = [
-            energy_run(one, two, volt, step, span, LEVELS, weights, constants, work, turns, rows)
-            for one, two, volt, rows in channels
+            energy_run(angles, wheels, volt, step, span, LEVELS, weights, constants, work, turns, rows)
+            for angles, wheels, volt, rows in channels
         ]
         return _fitted(columns, np.array(counts))
 
@@ -231,16 +231,16 @@ def energy_batch(
 
 def _constants(rig: Rig, equation: Equation) -> Array:
     """Constants of the balance at their places."""
-    found = np.zeros(CONSTANTS)
-    found[GRAVITY] = equation.value("gravity_torque")
+    constants = np.zeros(CONSTANTS)
+    constants[GRAVITY] = equation.value("gravity_torque")
     motor = rig.drive.motor
     if "wheel" in equation.coefficients and motor is not None:
-        found[ETA], found[C1] = motor.efficiency.value, motor.torque_per_volt.value
-        found[C2], found[GEAR] = motor.back_emf.value, motor.gear_ratio.value
-        found[LOW], found[HIGH] = motor.dead_zone
-        found[F2], found[F3] = motor.viscous.value, motor.coulomb.value
-        found[A12], found[A22] = rig.drive.a12, rig.drive.a22
-    return found
+        constants[ETA], constants[C1] = motor.efficiency.value, motor.torque_per_volt.value
+        constants[C2], constants[GEAR] = motor.back_emf.value, motor.gear_ratio.value
+        constants[LOW], constants[HIGH] = motor.dead_zone
+        constants[F2], constants[F3] = motor.viscous.value, motor.coulomb.value
+        constants[A12], constants[A22] = rig.drive.a12, rig.drive.a22
+    return constants
 
 
 def _fitted(columns: Array, counts: Ints) -> tuple[Array, Array]:

@@ -87,7 +87,7 @@ def project(
     for i in range(len(result)):
         begin = first + i * spacing
         end = begin + width
-        q1, q2, own = angle[begin:end], wheel[begin:end], sine[begin:end]
+        q1, q2, sines = angle[begin:end], wheel[begin:end], sine[begin:end]
         v, side, shift = speed[begin:end], sign[begin:end], late[begin:end]
         q0, w0 = q1[width // 2], q2[width // 2]
         inertia = turn = gravity = viscous = coulomb = quadratic = even = moved = 0.0
@@ -96,7 +96,7 @@ def project(
             inertia += curve[j] * x
             viscous -= rate[j] * x
             turn += curve[j] * (q2[j] - w0)
-            gravity += test[j] * own[j]
+            gravity += test[j] * sines[j]
             coulomb += test[j] * side[j]
             quadratic += test[j] * v[j] * size
             even += test[j] * size
@@ -209,10 +209,10 @@ def signs(angle: Array, v: Array, weights: Array, where: Ints, result: Array, la
     for j in turns:
         change = v[j + 1] - v[j]
         direction = 1.0 if change > 0.0 else -1.0
-        found = j - v[j] / change
+        crossing = j - v[j] / change
         shift = fast / abs(change)
-        at = found - shift if abs(shift) < most else found
+        at = crossing - shift if abs(shift) < most else crossing
         after = at + min(u / abs(change), most)
-        for i in range(max(int(min(at, found)) - 1, 0), min(int(max(after, found)) + 3, rows)):
+        for i in range(max(int(min(at, crossing)) - 1, 0), min(int(max(after, crossing)) + 3, rows)):
             result[i] = direction * min(max(2.0 * (i - at), -1.0), 1.0)
             late[i] = direction * min(max(2.0 * (i - after), -1.0), 1.0) - result[i]

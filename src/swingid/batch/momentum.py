@@ -74,8 +74,8 @@ def momentum_batch(
     wheel = np.empty((0, rows)) if wheel_angle is None else wheel_angle
 
     def part(begin: int, end: int) -> None:
-        own = at_stamps(wheel[begin:end], rate, late) if len(wheel) else wheel
-        kernels.project_runs(angle[begin:end], own, (speed, kink), first, reach // 2, weights, columns[begin:end])
+        on_time = at_stamps(wheel[begin:end], rate, late) if len(wheel) else wheel
+        kernels.project_runs(angle[begin:end], on_time, (speed, kink), first, reach // 2, weights, columns[begin:end])
 
     workers = threads or cores()
     edges = np.linspace(0, len(angle), workers + 1).astype(int)

@@ -75,20 +75,20 @@ def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:
     details: list[Details] = []
     widths, wheel_widths = [], []
     for log, noise in zip(logs, noises, strict=True):
-        found = MomentumCheck(prepare(log, rig), momentum).result().details
-        assert found is not None
-        details.append(found)
-        used = log.segment(found.start, found.stop)
+        detail = MomentumCheck(prepare(log, rig), momentum).result().details
+        assert detail is not None
+        details.append(detail)
+        used = log.segment(detail.start, detail.stop)
         widths.append(SHARE * smooth_speed(used.time, used.angle, noise.angle).half_width)
         if used.wheel_angle is not None:
             wheel_widths.append(SHARE * smooth_speed(used.time, used.wheel_angle, noise.wheel).half_width)
     return Plan(
-        start=float(max(found.start - log.time[0] for found, log in zip(details, logs, strict=True))),
-        stop=float(min(found.stop - log.time[0] for found, log in zip(details, logs, strict=True))),
-        half=float(np.median([found.window or 0.0 for found in details])),
+        start=float(max(detail.start - log.time[0] for detail, log in zip(details, logs, strict=True))),
+        stop=float(min(detail.stop - log.time[0] for detail, log in zip(details, logs, strict=True))),
+        half=float(np.median([detail.window or 0.0 for detail in details])),
         width=float(min(widths)),
         wheel_width=float(min(wheel_widths or widths)),
-        turns=max(len(found.turning_times) for found in details),
+        turns=max(len(detail.turning_times) for detail in details),
         noise=float(np.median([noise.angle for noise in noises])),
         wheel_noise=float(np.median([noise.wheel for noise in noises])),
         latency=not any(switched_off),
@@ -120,19 +120,19 @@ def channels_of(equation: Equation, angle: Array, **others: Array | None) -> tup
     Raises InputError for another shape than the angle's, and for a channel that is missing where there is a wheel.
     """
     angle = np.ascontiguousarray(angle, dtype=np.float64)
-    found: list[Array | None] = []
+    channels: list[Array | None] = []
     for name, values in others.items():
         if values is None and "wheel" in equation.coefficients:
             text = f"many logs of a reaction wheel need {name}; record the wheel angle and the voltage."
             raise InputError(text, code="missing-channel")
         if values is None:
-            found.append(None)
+            channels.append(None)
             continue
         if angle.ndim != 2 or np.shape(values) != angle.shape:
             text = f"{name} has the shape {np.shape(values)} and angle {angle.shape}; give (logs, rows), both alike."
             raise InputError(text, code="unequal-length")
-        found.append(np.ascontiguousarray(values, dtype=np.float64))
-    return angle, found
+        channels.append(np.ascontiguousarray(values, dtype=np.float64))
+    return angle, channels
 
 
 def at_stamps(values: Array, rate: float, late: float) -> Array:

@@ -57,17 +57,17 @@ class Method:
         """Prepare the log and identify it; errors as in `Load`. one_of_several: of logs of one body."""
         from swingid.checks.refusal import explained
 
-        own = self.name == DEFAULT
-        check = _momentum_of(log, rig, options if own else {}, one_of_several=one_of_several)
+        is_default = self.name == DEFAULT
+        check = _momentum_of(log, rig, options if is_default else {}, one_of_several=one_of_several)
         try:
-            return check.result() if own else _agreed(self.load(), check, **options)
+            return check.result() if is_default else _agreed(self.load(), check, **options)
         except UnanswerableError as error:
             raise explained(error, check) from None
 
     def options(self) -> dict[str, inspect.Parameter]:
         """The options by name, with their types and defaults."""
         parameters = inspect.signature(self.load()).parameters
-        return {name: one for name, one in parameters.items() if one.kind is one.KEYWORD_ONLY}
+        return {name: parameter for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY}
 
     def check_options(self, options: Mapping[str, object]) -> None:
         """Raise UsageError for an option that the method does not have (the nearest is named), or of another type.
@@ -134,14 +134,14 @@ def _momentum_of(log: Recording, rig: Rig, options: Mapping[str, object], *, one
     from swingid.preparation.prepared import prepare
 
     kept = None if options else _kept.get()
-    for one in kept or ():
-        if one.log is log and one.rig == rig and one.one_of_several == one_of_several:
-            return one.check
+    for entry in kept or ():
+        if entry.log is log and entry.rig == rig and entry.one_of_several == one_of_several:
+            return entry.check
     method = METHODS[DEFAULT].load()
     prepared = prepare(log, rig, one_of_several=one_of_several)
     check = MomentumCheck(prepared, partial(_agreed, method), options)
     if kept is not None:
-        kept[:] = [one for one in kept if one.log is log]  # logs come one after the other
+        kept[:] = [entry for entry in kept if entry.log is log]  # logs come one after the other
         kept.append(_Kept(log, rig, one_of_several, check))
     return check
 

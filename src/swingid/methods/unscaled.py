@@ -34,18 +34,18 @@ def unscaled(result: Result, reference: Reference, rig: Rig) -> Result:
         return result
     name, by = reference.name, reference.scaled_by
     ratios = ratios_of(result, name, by)
-    found = transformed(result, ratios)
+    scaled = transformed(result, ratios)
     unit = reference.unit
     leading = next(ratio for ratio in ratios if "inertia" in ratio.powers)
-    notes = tuple(one for one in result.notes if one.code not in SCALE_NOTES)
+    notes = tuple(note for note in result.notes if note.code not in SCALE_NOTES)
     return replace(
-        found,
+        scaled,
         ratios=by is None,
         warnings=in_words(result.warnings, name, unit),
         notes=(*in_words(notes, name, unit), _note(reference, rig)),
         details=converted(result.details, leading, result.parameters, _torque(result, by)),
         provenance=result.provenance | of_rig(rig) | {"constants": constants(rig)},
-        per_log=tuple(unscaled(one, reference, rig) for one in result.per_log),
+        per_log=tuple(unscaled(of_log, reference, rig) for of_log in result.per_log),
     )
 
 

@@ -38,10 +38,10 @@ def block_edges(stamps: Array, longest: float) -> Ints:
     beyond = np.minimum(reached + 1, last)
     reached = np.where(stamps[beyond] - stamps <= longest, beyond, reached)
     after = np.maximum(reached, np.minimum(np.arange(1, last + 2), last)).tolist()
-    found = [0]
-    while found[-1] < last:
-        found.append(after[found[-1]])
-    return np.array(found, np.int64)
+    ends = [0]
+    while ends[-1] < last:
+        ends.append(after[ends[-1]])
+    return np.array(ends, np.int64)
 
 
 Ends = tuple[Array, Array]
@@ -127,12 +127,12 @@ def _of_held(rows: int) -> Array:
 @lru_cache(maxsize=64)
 def _of_cubics(rows: int, step: float, derivative: int) -> tuple[Array, Array]:
     """The same for cubics with a value of 1, and with a slope of 1, at one stamp, (stamps, points)."""
-    block, one, none = Shares.of(np.arange(rows + 1.0) * step, np.array([0, rows])), np.ones(rows), np.zeros(rows)
-    found = np.zeros((2, rows + 1, POINTS))
-    for end, stamps in (((one, none), slice(None, -1)), ((none, one), slice(1, None))):
-        found[0, stamps] += _parabolas(*block.each_cubic(end, (none, none), derivative))
-        found[1, stamps] += _parabolas(*block.each_cubic((none, none), end, derivative))
-    return found[0], found[1]
+    block, ones, zeros = Shares.of(np.arange(rows + 1.0) * step, np.array([0, rows])), np.ones(rows), np.zeros(rows)
+    weights = np.zeros((2, rows + 1, POINTS))
+    for end, stamps in (((ones, zeros), slice(None, -1)), ((zeros, ones), slice(1, None))):
+        weights[0, stamps] += _parabolas(*block.each_cubic(end, (zeros, zeros), derivative))
+        weights[1, stamps] += _parabolas(*block.each_cubic((zeros, zeros), end, derivative))
+    return weights[0], weights[1]
 
 
 @dataclass(frozen=True)

@@ -55,11 +55,11 @@ def cache_folder() -> Path:
             if os.access(wanted / name, os.W_OK) or any((wanted / name).glob(f"ready-*-{machine()}")):
                 return wanted / name
     with suppress(OSError):
-        own = Path(tempfile.gettempdir()) / f"swingid-{user()}"
-        own.mkdir(mode=0o700, exist_ok=True)
-        if _is_mine(own):  # else another's code would be run
-            (own / name).mkdir(exist_ok=True)
-            return own / name
+        temporary = Path(tempfile.gettempdir()) / f"swingid-{user()}"
+        temporary.mkdir(mode=0o700, exist_ok=True)
+        if _is_mine(temporary):  # else another's code would be run
+            (temporary / name).mkdir(exist_ok=True)
+            return temporary / name
     return (wanted or Path(tempfile.gettempdir()) / "swingid") / name
 
 

@@ -69,7 +69,7 @@ class ZeroPhase:
     def rows(self, columns: Sequence[Array] | Array, count: int) -> Array:
         """The first `count` kept rows of filtered columns, c of (n,) each, shape (c, count)."""
         length = len(columns[0])
-        pad, own, phases, front, size = self._layout(length)
+        pad, matrices, phases, front, size = self._layout(length)
         begin, extended = np.empty((len(columns), 1)), np.empty((len(columns), size))
         extended[:, :front] = 0.0
         for k, column in enumerate(columns):
@@ -78,30 +78,30 @@ class ZeroPhase:
             np.subtract(2 * column[0] - first, column[pad:0:-1], out=extended[k, front : front + pad])
             np.subtract(column, first, out=extended[k, front + pad : front + pad + length])
             np.subtract(2 * column[-1] - first, column[-2 : -pad - 2 : -1], out=extended[k, front + pad + length :])
-        blocks = extended.reshape(len(columns), -1, len(own.behind))
-        found = _outputs(own, blocks, np.s_[:], phases)
+        blocks = extended.reshape(len(columns), -1, len(matrices.behind))
+        outputs = _outputs(matrices, blocks, np.s_[:], phases)
         skipped = (front + pad + self.first) // self.every
-        return found[:, skipped : skipped + count] + begin
+        return outputs[:, skipped : skipped + count] + begin
 
     def spread(self, weights: Array, length: int) -> Array:
         """Columns (c, length) of zeros but for `weights` (c, rows) in the kept rows, filtered.
 
         The weights of rows within `padding` of either end must be 0.
         """
-        pad, own, phases, front, size = self._layout(length)
+        pad, matrices, phases, front, size = self._layout(length)
         kept = np.zeros((len(weights), size // self.every))
         skipped = (front + pad + self.first) // self.every
         kept[:, skipped : skipped + weights.shape[1]] = weights
-        places = kept.reshape(len(weights), -1, len(own.behind) // self.every)
-        return _outputs(own, places, phases, np.s_[:])[:, front + pad : front + pad + length]
+        places = kept.reshape(len(weights), -1, len(matrices.behind) // self.every)
+        return _outputs(matrices, places, phases, np.s_[:])[:, front + pad : front + pad + length]
 
     def _layout(self, length: int) -> tuple[int, _Blocks, slice, int, int]:
         """Padding, matrices, places of the rows in a block, samples before the padding, and samples of all blocks."""
         pad = min(length - 1, self.padding)
-        own = _blocks(self.frequency * self.step, self.every * -(-BLOCK // self.every))
-        size = -(-(length + 2 * pad) // len(own.behind)) * len(own.behind)
+        matrices = _blocks(self.frequency * self.step, self.every * -(-BLOCK // self.every))
+        size = -(-(length + 2 * pad) // len(matrices.behind)) * len(matrices.behind)
         front = size - length - 2 * pad
-        return pad, own, slice((front + pad + self.first) % self.every, None, self.every), front, size
+        return pad, matrices, slice((front + pad + self.first) % self.every, None, self.every), front, size
 
 
 def _outputs(own: _Blocks, inputs: Array, given: slice, wanted: slice) -> Array:
@@ -111,8 +111,8 @@ def _outputs(own: _Blocks, inputs: Array, given: slice, wanted: slice) -> Array:
     """
     count, blocks, places = inputs.shape
     matrix = np.vstack([own.forward[:, given], own.backward[:, given], own.inner[wanted, given]])
-    found = (inputs.reshape(-1, places) @ matrix.T).reshape(count, blocks, -1)
-    ways = found[:, :, : 2 * STATES].transpose(1, 0, 2).copy()
+    products = (inputs.reshape(-1, places) @ matrix.T).reshape(count, blocks, -1)
+    ways = products[:, :, : 2 * STATES].transpose(1, 0, 2).copy()
     states = _carried(own.power, ways[:-1, :, :STATES], np.zeros((count, STATES)))
     end = states[-1] @ own.last + inputs[:, -1] @ own.last_inputs[given]
     turned = ways[:, :, STATES:] + (states.reshape(-1, STATES) @ own.turned.T).reshape(blocks, count, STATES)
@@ -120,7 +120,7 @@ def _outputs(own: _Blocks, inputs: Array, given: slice, wanted: slice) -> Array:
     both = np.empty((count, blocks, 2 * STATES))
     both[:, :, :STATES], both[:, :, STATES:] = states.transpose(1, 0, 2), back.transpose(1, 0, 2)
     outputs = both.reshape(-1, 2 * STATES) @ np.hstack([own.ahead[wanted], own.behind[wanted]]).T
-    result: Array = (outputs.reshape(count, blocks, -1) + found[:, :, 2 * STATES :]).reshape(count, -1)
+    result: Array = (outputs.reshape(count, blocks, -1) + products[:, :, 2 * STATES :]).reshape(count, -1)
     return result
 
 
@@ -172,7 +172,7 @@ def _system(share: float) -> System:
         size = 1 + 2 * np.cos(angle) * warped + warped**2
         gain, first = warped**2 / size, 2 * (warped**2 - 1) / size
         second = (1 - 2 * np.cos(angle) * warped + warped**2) / size
-        own, enters = np.array([[-first, 1.0], [-second, 0.0]]), gain * np.array([2.0 - first, 1.0 - second])
-        a = np.block([[a, np.zeros((len(a), 2))], [np.outer(enters, c), own]])
+        section, enters = np.array([[-first, 1.0], [-second, 0.0]]), gain * np.array([2.0 - first, 1.0 - second])
+        a = np.block([[a, np.zeros((len(a), 2))], [np.outer(enters, c), section]])
         b, c, d = np.concatenate([b, enters * d]), np.concatenate([gain * c, [1.0, 0.0]]), gain * d
     return a, b, c, d

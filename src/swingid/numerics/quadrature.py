@@ -107,11 +107,11 @@ def running_integrals(nodes: GaussNodes, signals: Iterable[Array], instants: Arr
     """
     k, cut = _cut_intervals(nodes, instants)
     steps, (_, weights), whole = np.diff(nodes.time), gauss_rule(nodes.points), np.zeros(len(nodes.time))
-    found = []
+    integrals = []
     for signal in signals:
         np.cumsum((signal @ weights) * steps, out=whole[1:])
-        found.append(whole[k] + np.einsum("ij,ij->i", signal[k], cut))
-    return np.array(found)
+        integrals.append(whole[k] + np.einsum("ij,ij->i", signal[k], cut))
+    return np.array(integrals)
 
 
 def _cut_intervals(nodes: GaussNodes, instants: Array) -> tuple[Ints, Array]:

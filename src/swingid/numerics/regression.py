@@ -127,8 +127,8 @@ def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> Line
     unknowns = powers.shape[-1]
     if unknowns and not (powers[..., 0] > NORMAL * powers[..., -1]).all():
         if columns.ndim > 2:
-            fits = [fit_linear(*one, smallest=smallest) for one in zip(columns, target, strict=True)]
-            return LinearFit(*(np.array([getattr(one, each.name) for one in fits]) for each in fields(LinearFit)))
+            fits = [fit_linear(*system, smallest=smallest) for system in zip(columns, target, strict=True)]
+            return LinearFit(*(np.array([getattr(fit, each.name) for fit in fits]) for each in fields(LinearFit)))
         influence, condition = _by_singular_values(columns * inverse[:, 0], smallest)
         influence *= inverse
     else:
@@ -145,17 +145,17 @@ def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> Line
 def _times(matrix: Array, vector: Array) -> Array:
     """Products of matrices (..., m, n) with vectors (..., n), by one processor."""
     if matrix.shape[-2] * matrix.shape[-1] > FEW:
-        found: Array = np.einsum("...ij,...j->...i", matrix, vector)
-        return found
+        products: Array = np.einsum("...ij,...j->...i", matrix, vector)
+        return products
     result: Array = (matrix @ vector[..., None])[..., 0]
     return result
 
 
 def _by_singular_values(scaled: Array, smallest: float) -> tuple[Array, Any]:
     """Pseudo-inverse without the directions below `smallest`, and the condition: infinite with one not seen at all."""
-    left, sizes, right = np.linalg.svd(scaled, full_matrices=False)
+    left_vectors, sizes, right_vectors = np.linalg.svd(scaled, full_matrices=False)
     seen = sizes > smallest * sizes[0]
-    influence = (right[seen].T / sizes[seen]) @ left[:, seen].T
+    influence = (right_vectors[seen].T / sizes[seen]) @ left_vectors[:, seen].T
     lost = len(sizes) < scaled.shape[1] or not sizes[-1] > 1e-15 * sizes[0]
     return influence, np.inf if lost else float(sizes[0] / sizes[-1])
 
@@ -172,9 +172,9 @@ def fit_oblique(
     scale = np.linalg.norm(columns * np.sqrt(weights)[..., None], axis=0)
     scale[scale == 0] = 1.0
     weighted = (instruments / scale).T * weights
-    left, sizes, right = np.linalg.svd(weighted @ (columns / scale))
+    left_vectors, sizes, right_vectors = np.linalg.svd(weighted @ (columns / scale))
     seen = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > smallest**2 * sizes[0])
-    inverse = (right.T * seen) @ left.T / scale[:, None]
+    inverse = (right_vectors.T * seen) @ left_vectors.T / scale[:, None]
     influence = inverse @ weighted
     values = influence @ target
     condition = float(np.sqrt(sizes[0] / sizes[-1])) if sizes[-1] > 0 else np.inf
@@ -216,12 +216,12 @@ class Beside:
         """
         *many, rows, count = self.rest.shape
         prior = np.arange(0 if error is None else count)
-        rest, left = np.zeros((*many, rows + len(prior), count)), np.zeros((*many, rows + len(prior)))
-        rest[..., :rows, :], left[..., :rows] = self.rest, self.fit.residuals
+        rest, target = np.zeros((*many, rows + len(prior), count)), np.zeros((*many, rows + len(prior)))
+        rest[..., :rows, :], target[..., :rows] = self.rest, self.fit.residuals
         if error is not None:
             rest[..., rows + prior, prior] = np.asarray(error)[..., None]
-        left[..., rows:] = rest[..., rows + prior, prior] * means
-        return fit_linear(rest, left)
+        target[..., rows:] = rest[..., rows + prior, prior] * means
+        return fit_linear(rest, target)
 
     def solved(self, error: Any = None, means: Any = 0.0) -> LinearFit:
         """The fit with both, values (p + m,), those of the fit first; else as `alone`."""

@@ -74,8 +74,8 @@ class Shooting:
 
     def residuals(self, prediction: Prediction) -> Array:
         """Readings less their prediction, in standard deviations of the sensor (r,)."""
-        left: Array = (self.measured - prediction.outputs) / self.sigma
-        return left
+        residuals: Array = (self.measured - prediction.outputs) / self.sigma
+        return residuals
 
     def cost(self, residuals: Array, values: Array) -> tuple[float, Array]:
         """Mean loss of residuals (r,) and of the prior at `values` (m,), and the weights (r,) of the readings."""
@@ -84,13 +84,13 @@ class Shooting:
 
     def grams(self, slopes: Array, residuals: Array, weights: Array) -> Array:
         """Weighted products of all columns and the residuals (k, s + m + 1, s + m + 1), segment by segment."""
-        found = []
+        products = []
         for first, last in pairwise(self.rows):
-            own = slice(first, last)
-            root = np.sqrt(weights[own])
-            rows = np.column_stack([slopes[own] * (root / self.sigma[own])[:, None], residuals[own] * root])
-            found.append(gram(rows.T))
-        return np.array(found)
+            segment = slice(first, last)
+            root = np.sqrt(weights[segment])
+            rows = np.column_stack([slopes[segment] * (root / self.sigma[segment])[:, None], residuals[segment] * root])
+            products.append(gram(rows.T))
+        return np.array(products)
 
     def reduced(self, grams: Array, values: Array | None = None, damping: float = SINGULAR) -> Reduced:
         """Normal equations of products `grams` without initial values; with the prior at `values` (m,) where given.
@@ -98,16 +98,16 @@ class Shooting:
         damping: of the step of the initial values, relative.
         """
         s, m = self.states, grams.shape[1] - self.states - 1
-        own, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
+        block, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
         # where a speed is 0 throughout, a combination of its initial values has no effect, and the block is singular
-        sizes = np.diagonal(own, axis1=1, axis2=2)
-        own = own + np.eye(s) * (damping * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
-        held = np.linalg.solve(own, grams[:, :s, s:])
-        left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(cross, held, axes=((0, 1), (0, 1)))
-        matrix, right = left[:, :m], left[:, m]
+        sizes = np.diagonal(block, axis1=1, axis2=2)
+        block = block + np.eye(s) * (damping * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
+        held = np.linalg.solve(block, grams[:, :s, s:])
+        schur = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(cross, held, axes=((0, 1), (0, 1)))
+        matrix, right = schur[:, :m], schur[:, m]
         if values is not None:
             matrix, right = matrix + np.diag(self.power), right - self.power * values
-        return Reduced(matrix, right, own, cross, right_own, grams)
+        return Reduced(matrix, right, block, cross, right_own, grams)
 
 
 @dataclass(frozen=True)
@@ -210,8 +210,8 @@ class Fit:
     def leaning(self, chosen: Bools, less: float) -> tuple[Fit, Fit]:
         """The same point with weight `less` on the readings that are not `chosen` (r,), and on those that are."""
         whole, shooting = self.reduced.grams, self.shooting
-        own = shooting.grams(self.prediction.slopes, self.residuals, self.weights * chosen)
-        pairs = ((chosen, own + less * (whole - own)), (~chosen, whole - own + less * own))
+        part = shooting.grams(self.prediction.slopes, self.residuals, self.weights * chosen)
+        pairs = ((chosen, part + less * (whole - part)), (~chosen, whole - part + less * part))
         first, second = (
             replace(
                 self,
@@ -228,9 +228,9 @@ class Fit:
         states = self.reduced.states(step)
         both = np.column_stack([states, np.broadcast_to(step, (len(states), len(step)))])
         change, grams = np.empty(len(self.residuals)), self.reduced.grams.copy()
-        for own, products, (first, last) in zip(both, grams, pairwise(self.shooting.rows), strict=True):
-            np.matmul(self.prediction.slopes[first:last], own, out=change[first:last])
-            products[:-1, -1] -= products[:-1, :-1] @ own
+        for steps, products, (first, last) in zip(both, grams, pairwise(self.shooting.rows), strict=True):
+            np.matmul(self.prediction.slopes[first:last], steps, out=change[first:last])
+            products[:-1, -1] -= products[:-1, :-1] @ steps
             products[-1] = products[:, -1]
         return replace(
             self,

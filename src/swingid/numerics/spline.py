@@ -57,7 +57,7 @@ def spline_slopes(time: Array, values: Array) -> Array:
         known *= 0.75 / step
         return _dominant_even(known, 0.25, 0.5, 0.5, LEVELS)
     if values.ndim > 1:
-        return np.stack([spline_slopes(time, own) for own in values])
+        return np.stack([spline_slopes(time, row) for row in values])
     steps = np.diff(time)
     secants = np.diff(values) / steps
     before, after, right = np.empty(len(time)), np.empty(len(time)), np.empty(len(time))
@@ -81,8 +81,8 @@ def _dominant_even(known: Array, beside: float, first: float, last: float, level
         near = beside if count > 2 else first
         shorter = known[..., :-1].copy()
         shorter[..., -1] = (shorter[..., -1] - near * known[..., -1]) / rest
-        found = _dominant_even(shorter, beside, first, beside / rest, levels)
-        return np.concatenate([found, known[..., -1:] - last * found[..., -1:]], axis=-1)
+        solution = _dominant_even(shorter, beside, first, beside / rest, levels)
+        return np.concatenate([solution, known[..., -1:] - last * solution[..., -1:]], axis=-1)
     odd, reduced = known[..., 1::2], known[..., ::2].copy()
     part = beside * odd
     reduced[..., 1:] -= part
@@ -94,10 +94,10 @@ def _dominant_even(known: Array, beside: float, first: float, last: float, level
     reduced[..., 1:-1] *= 1.0 / rest
     reduced[..., 0] /= ends[0]
     reduced[..., -1] /= ends[1]
-    found = _dominant_even(reduced, square / rest, -first * beside / ends[0], -last * beside / ends[1], levels - 1)
+    solution = _dominant_even(reduced, square / rest, -first * beside / ends[0], -last * beside / ends[1], levels - 1)
     result = np.empty(known.shape)
-    result[..., ::2] = found
-    result[..., 1::2] = odd - beside * (found[..., :-1] + found[..., 1:])
+    result[..., ::2] = solution
+    result[..., 1::2] = odd - beside * (solution[..., :-1] + solution[..., 1:])
     return result
 
 
@@ -115,18 +115,18 @@ def _dominant(before: Array, after: Array, known: Array, levels: int) -> Array:
         before, after, known = (np.append(x, 0.0) for x in (before, after, known))
         return _dominant(before, after, known, levels)[:-1]
     a, c, d = (np.ascontiguousarray(x[1::2]) for x in (before, after, known))
-    reduced, left, right = known[::2].copy(), -before[::2], -after[::2]
-    reduced[1:] += left[1:] * d
-    reduced[:-1] += right[:-1] * d
+    reduced, lower, upper = known[::2].copy(), -before[::2], -after[::2]
+    reduced[1:] += lower[1:] * d
+    reduced[:-1] += upper[:-1] * d
     diagonal = np.ones(len(reduced))
-    diagonal[1:] += left[1:] * c
-    diagonal[:-1] += right[:-1] * a
-    left[1:] *= a
-    right[:-1] *= c
-    found = _dominant(left / diagonal, right / diagonal, reduced / diagonal, levels - 1)
+    diagonal[1:] += lower[1:] * c
+    diagonal[:-1] += upper[:-1] * a
+    lower[1:] *= a
+    upper[:-1] *= c
+    solution = _dominant(lower / diagonal, upper / diagonal, reduced / diagonal, levels - 1)
     result = np.empty(len(known))
-    result[::2] = found
-    result[1::2] = d - a * found[:-1] - c * found[1:]
+    result[::2] = solution
+    result[1::2] = d - a * solution[:-1] - c * solution[1:]
     return result
 
 
@@ -135,7 +135,7 @@ def _solved(gram: list[list[Array]], right: list[Array]) -> list[Array]:
 
     For loops over places a call of LAPACK for each would cost more.
     """
-    n, right = len(right), [one.copy() for one in right]
+    n, right = len(right), [side.copy() for side in right]
     for a in range(n):
         for c in range(a + 1):
             total = gram[a][c] - sum(gram[a][j] * gram[c][j] for j in range(c))
@@ -187,11 +187,13 @@ class Samples:
         """Fit as `cubics` for even stamps and windows of `count` samples from `first` on: weights common to equal
         ones.
         """
-        found = np.empty((4, len(at)))
+        coefficients = np.empty((4, len(at)))
         for length in np.flatnonzero(np.bincount(count)).tolist():
             for places in _portions(np.flatnonzero(count == length), length):
-                found[:, places] = product(_cubic_weights(length), stretches(self.values, length)[first[places]].T)
-        c0, c1, c2, c3 = found
+                coefficients[:, places] = product(
+                    _cubic_weights(length), stretches(self.values, length)[first[places]].T
+                )
+        c0, c1, c2, c3 = coefficients
         begin = self.time[first]
         unit = (self.time[first + (count - 1)] - begin) / 2
         s = (at - begin) / unit - 1.0
@@ -256,8 +258,8 @@ def kinked_slopes(time: Array, values: Array, at: Array, half_width: float) -> A
     before = np.searchsorted(time, at, side="left") - first
     places = np.flatnonzero(4 * np.minimum(before, count - before) >= np.maximum(12, count))
     if len(places):
-        for own in _portions(places, int(count[places].max())):
-            result[own] = _kinked(time, values, at[own], half_width, first[own], count[own])
+        for portion in _portions(places, int(count[places].max())):
+            result[portion] = _kinked(time, values, at[portion], half_width, first[portion], count[portion])
     return result
 
 

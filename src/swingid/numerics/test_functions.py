@@ -93,8 +93,8 @@ class _Tests:
     @classmethod
     def of(cls, nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
         """Prepare these windows."""
-        found = _Places.of(nodes, centres, half)
-        s, p = found.s, found.p
+        places = _Places.of(nodes, centres, half)
+        s, p = places.s, places.p
         square = p * p
         bent = s * s
         bent *= 30.0
@@ -103,13 +103,13 @@ class _Tests:
         slope = square * s
         slope *= -6.0
         plain = {0: np.multiply(square, p, out=square), 2: bent}
-        steps = stretches(nodes.flat[1], s.shape[1])[found.first]
+        steps = stretches(nodes.flat[1], s.shape[1])[places.first]
         slope *= steps
         weights = plain[0] * steps, slope, bent * steps
-        place, shares = _ends(nodes, found, centres, half)
-        for own, share in zip(weights, shares, strict=True):
-            own[place] = share
-        return cls(found.first, plain, weights)
+        place, shares = _ends(nodes, places, centres, half)
+        for weight, share in zip(weights, shares, strict=True):
+            weight[place] = share
+        return cls(places.first, plain, weights)
 
     @cached_property
     def at(self) -> Ints:
@@ -135,11 +135,11 @@ def _cut(nodes: GaussNodes, k: Ints, centres: Array, half: Array) -> Array:
     t = t0[:, None] + (t1 - t0)[:, None] * fractions
     s, scale = (t - centres[:, None]) / half[:, None], (t1 - t0)[:, None] * weights
     tests = np.stack([phi(s, order) * scale for order in range(3)])
-    u, one = (t - start[:, None]) / (stop - start)[:, None], np.ones(nodes.points)
-    moments = [tests @ one]
+    u, ones = (t - start[:, None]) / (stop - start)[:, None], np.ones(nodes.points)
+    moments = [tests @ ones]
     for _ in range(1, nodes.points):
         tests *= u
-        moments.append(tests @ one)
+        moments.append(tests @ ones)
     shares: Array = np.stack(moments, axis=-1) @ lagrange(nodes.points)
     return shares
 
@@ -147,12 +147,12 @@ def _cut(nodes: GaussNodes, k: Ints, centres: Array, half: Array) -> Array:
 def _tests_of(nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
     """Test functions at the nodes, kept with these for the next signals on the same windows."""
     key = centres.tobytes() + half.tobytes()
-    found = nodes.tests.get(key)
-    if found is None:
-        found = _Tests.of(nodes, centres, half)
-        if found.plain[0].size + sum(one.plain[0].size for one in nodes.tests.values()) <= KEPT:
-            nodes.tests[key] = found
-    result: _Tests = found
+    tests = nodes.tests.get(key)
+    if tests is None:
+        tests = _Tests.of(nodes, centres, half)
+        if tests.plain[0].size + sum(other.plain[0].size for other in nodes.tests.values()) <= KEPT:
+            nodes.tests[key] = tests
+    result: _Tests = tests
     return result
 
 
@@ -171,15 +171,15 @@ def project_stacked(nodes: GaussNodes, stacked: Array, orders: Ints, centres: Ar
     """Project as `project` signals that were stacked once for many calls: (signals, nodes) with nodes in one row."""
     result = np.empty((len(centres), len(orders)))
     groups = [(order, (orders == order).nonzero()[0]) for order in sorted(set(orders.tolist()))]
-    signals = [np.ascontiguousarray(stacked[own]) for _, own in groups]
+    signals = [np.ascontiguousarray(stacked[places]) for _, places in groups]
     for k in _portions(nodes, half, AT_ONCE):
         tests = _tests_of(nodes, centres[k], half[k])
-        for (order, own), values in zip(groups, signals, strict=True):
+        for (order, places), values in zip(groups, signals, strict=True):
             placed = stretches(values, tests.weights[0].shape[1])[:, tests.first]
-            result[k, own] = np.einsum("gwn,wn->wg", placed, tests.weights[order])
-    for order, own in groups:
+            result[k, places] = np.einsum("gwn,wn->wg", placed, tests.weights[order])
+    for order, places in groups:
         if order:
-            result[:, own] /= (half**order)[:, None]
+            result[:, places] /= (half**order)[:, None]
     return result
 
 
@@ -199,10 +199,10 @@ def superposed(nodes: GaussNodes, centres: Array, half: Array, factors: Array, o
     for k in _portions(nodes, half, AT_ONCE):
         tests = _tests_of(nodes, centres[k], half[k])
         first = int(tests.first.min())
-        for own, order in zip(result, orders, strict=True):
-            for total, row in zip(own, factors[:, k] / half[k] ** order, strict=True):
-                found = np.bincount(tests.at, (tests.plain[order] * row[:, None]).ravel())
-                total[first : first + len(found)] += found
+        for totals, order in zip(result, orders, strict=True):
+            for total, row in zip(totals, factors[:, k] / half[k] ** order, strict=True):
+                part = np.bincount(tests.at, (tests.plain[order] * row[:, None]).ravel())
+                total[first : first + len(part)] += part
     return result
 
 

@@ -51,10 +51,10 @@ def ages(angle: Array, count: float) -> Array | None:
     at = rows[clear]
     repeated, doubled = at[np.abs(share) < NEAR], at[np.abs(share - 2) < NEAR]
     starts, slower = (repeated, True) if len(repeated) > len(doubled) else (doubled, False)
-    found = _period(starts)
-    if found is None:
+    beat = _period(starts)
+    if beat is None:
         return None
-    first, period = found
+    first, period = beat
     phase = np.mod((np.arange(len(angle)) - first) / period, 1.0)
     age: Array = 0.5 - phase if slower else phase - 0.5
     return age
@@ -79,7 +79,7 @@ def _period(starts: Ints) -> tuple[float, float] | None:
         return None
     span = float(few[-1] - few[0])
     frequencies = np.arange(2 / span, 0.5 / SPREAD, 0.1 / span)
-    seen = np.array([_resultant(few, one) for one in frequencies])
+    seen = np.array([_resultant(few, frequency) for frequency in frequencies])
     if not np.any(seen > REGULAR):
         return None
     k = int(np.argmax(seen > REGULAR))

@@ -94,14 +94,14 @@ def decays(motion: Motion) -> list[Decay]:
         return []
     swings = _swings(sizes, np.sqrt(2) * motion.speed.angle_noise)
     falls = _falls(swings)
-    found = [_trimmed(swings, *piece) for fall in falls for piece in _pieces(swings, *fall)]
-    found = [(first, _regular(motion.turning_times, first, last)) for first, last in found]
+    runs = [_trimmed(swings, *piece) for fall in falls for piece in _pieces(swings, *fall)]
+    runs = [(first, _regular(motion.turning_times, first, last)) for first, last in runs]
     # in the last swing before others a hand takes the body
-    found = [(first, last if last == swings.last else last - 1) for first, last in found]
-    found = [(first, last) for first, last in found if _shrinks(swings, first, last)]
-    if not found and swings.calm and not swings.grows.any():  # too little friction to be seen; no hand is as regular
+    runs = [(first, last if last == swings.last else last - 1) for first, last in runs]
+    runs = [(first, last) for first, last in runs if _shrinks(swings, first, last)]
+    if not runs and swings.calm and not swings.grows.any():  # too little friction to be seen; no hand is as regular
         return [Decay(0, swings.last, free=True)]
-    return [Decay(first, last, _is_free(swings, first, last)) for first, last in found]
+    return [Decay(first, last, _is_free(swings, first, last)) for first, last in runs]
 
 
 def _swings(sizes: Array, noise: float) -> _Swings:
@@ -134,8 +134,8 @@ def _stays(envelope: Array, kicks: Ints) -> Bools:
     before, step = np.maximum(kicks - REACH, 0), 2 * REACH + 1
     after = np.minimum(kicks + REACH + 1, len(envelope) - 1)
     loss = np.where(before >= step, envelope[before] - envelope[np.maximum(before - step, 0)], 0.0)
-    found: Bools = envelope[after] - envelope[before] - loss > 1
-    return found
+    stays: Bools = envelope[after] - envelope[before] - loss > 1
+    return stays
 
 
 def _falls(swings: _Swings) -> list[tuple[int, int]]:
@@ -155,18 +155,18 @@ def _pieces(swings: _Swings, first: int, last: int) -> list[tuple[int, int]]:
     """A fall with the swings that the medians hide at its ends, divided at kicks; from its largest to its smallest."""
     first, last = max(first - REACH, 0), min(last + REACH, swings.last)
     ends = [first - 1, *(int(k) for k in swings.kicks if first <= k < last), last]
-    found, width = [], 2 * REACH + 1
+    pieces, width = [], 2 * REACH + 1
     for begin, end in ((before + 1, after) for before, after in pairwise(ends)):
         begin += int(np.argmax(swings.sizes[begin : min(begin + width, end + 1)]))
         tail = swings.sizes[max(end - width + 1, begin) : end + 1]
-        found.append((begin, end - int(np.argmin(tail[::-1]))))
-    return found
+        pieces.append((begin, end - int(np.argmin(tail[::-1]))))
+    return pieces
 
 
 def _trimmed(swings: _Swings, first: int, last: int) -> tuple[int, int]:
     """Without the constant amplitude before a decay, which something drives."""
-    own = swings.envelope[first : last + 1]
-    top, below = (int(np.flatnonzero(own >= own.max() - units)[-1]) for units in (1, 2))
+    envelope = swings.envelope[first : last + 1]
+    top, below = (int(np.flatnonzero(envelope >= envelope.max() - units)[-1]) for units in (1, 2))
     driven = top > PLATEAU * (below - top) + 2 * REACH + 1
     return (first + top if driven else first), last
 
@@ -207,5 +207,5 @@ def _is_free(swings: _Swings, first: int, last: int) -> bool:
 def _is_smooth(sizes: Array) -> bool:
     """Return whether sizes scatter by less than a share of their fall about a parabola, as friction makes it."""
     places = np.linspace(-1.0, 1.0, len(sizes))
-    left = sizes - np.polynomial.Polynomial.fit(places, sizes, 2)(places)
-    return float(np.sqrt(left @ left / (len(sizes) - 3))) < ROUGH * float(sizes[0] - sizes[-1])
+    residuals = sizes - np.polynomial.Polynomial.fit(places, sizes, 2)(places)
+    return float(np.sqrt(residuals @ residuals / (len(sizes) - 3))) < ROUGH * float(sizes[0] - sizes[-1])

@@ -116,7 +116,7 @@ def corrected(log: Recording, rig: Rig) -> tuple[Recording, Encoders, tuple[Corr
     """
     encoders = Encoders.of(rig, log)
     log, late = _latencies(log, rig)
-    by_log = any(one.repair == "calibrate" and one.code != "repair-off" for one in log.findings)
+    by_log = any(finding.repair == "calibrate" and finding.code != "repair-off" for finding in log.findings)
     origin: Origin = "switched off" if is_off(log, REPAIR) else "found" if by_log else "stated"
     channels: list[tuple[Channel, Sensor]] = [("angle", encoders.angle)]
     if log.wheel_angle is not None:
@@ -132,7 +132,7 @@ def corrected(log: Recording, rig: Rig) -> tuple[Recording, Encoders, tuple[Corr
 
 def is_off(log: Recording, repair: str) -> bool:
     """Return whether a repair of the log is switched off."""
-    return any(one.code == "repair-off" and one.repair == repair for one in log.findings)
+    return any(finding.code == "repair-off" and finding.repair == repair for finding in log.findings)
 
 
 def _latencies(log: Recording, rig: Rig) -> tuple[Recording, list[Correction]]:
@@ -145,13 +145,15 @@ def _latencies(log: Recording, rig: Rig) -> tuple[Recording, list[Correction]]:
         return log, []
     off = is_off(log, LATENCY)
     words = {"angle": "angle", "wheel": "wheel's angle"}
-    shown = " and ".join(f"{1e3 * one.value:.4g} ms of the {words[name]}" for name, one in late.items())
+    shown = " and ".join(f"{1e3 * latency.value:.4g} ms of the {words[name]}" for name, latency in late.items())
     text = f"the known latency, {shown}, was not corrected." if off else f"the known latency was corrected: {shown}."
-    found = Finding(LATENCY_LEFT, text, "note") if off else Finding(LATENCY, text, "note", LATENCY)
-    if found not in log.findings:
-        log = replace(log, findings=(*log.findings, found))
+    note = Finding(LATENCY_LEFT, text, "note") if off else Finding(LATENCY, text, "note", LATENCY)
+    if note not in log.findings:
+        log = replace(log, findings=(*log.findings, note))
     origin: Origin = "switched off" if off else "stated"
-    corrections = [Correction(name, "latency", one.value, one.std, "s", origin) for name, one in late.items()]
+    corrections = [
+        Correction(name, "latency", latency.value, latency.std, "s", origin) for name, latency in late.items()
+    ]
     return log, corrections
 
 
@@ -176,8 +178,8 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
     if not sizes:
         return replace(log, findings=(*log.findings, *unknown)) if unknown else log
     text = f"the encoders' known nonlinearity was corrected: {' and '.join(sizes)} once per turn."
-    found = (*log.findings, Finding("encoders", text, "note", REPAIR), *unknown)
-    return replace(log, angle=angle, wheel_angle=wheel, findings=found)
+    findings = (*log.findings, Finding("encoders", text, "note", REPAIR), *unknown)
+    return replace(log, angle=angle, wheel_angle=wheel, findings=findings)
 
 
 def _polled(log: Recording, sensor: Sensor) -> Recording:

@@ -115,11 +115,11 @@ def _sixth_differences(time: Array, values: Array) -> Array:
     unit = time[6:] - time[:-6]
     places = [(time[j : j + count] - time[:count]) / unit for j in range(7)]
     total, power = np.zeros(count), np.zeros(count)
-    for j, one in enumerate(places):
+    for j, place in enumerate(places):
         product = np.ones(count)
         for i, other in enumerate(places):
             if i != j:
-                product *= one - other
+                product *= place - other
         total += (values[j : j + count] - values[:count]) / product
         power += 1.0 / product**2
     result: Array = total / np.sqrt(power)

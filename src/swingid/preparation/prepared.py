@@ -82,12 +82,12 @@ class Prepared:
 
     def _motion(self, log: Recording, noise: float) -> Motion:
         """See `find_motion`; found once for the same angles and noise."""
-        for time, angle, level, found in self._motions:
+        for time, angle, level, motion in self._motions:
             if time is log.time and angle is log.angle and level == noise:
-                return found
-        found = find_motion(log.time, log.angle, noise)
-        self._motions.append((log.time, log.angle, noise, found))
-        return found
+                return motion
+        motion = find_motion(log.time, log.angle, noise)
+        self._motions.append((log.time, log.angle, noise, motion))
+        return motion
 
     def part(
         self,
@@ -107,16 +107,16 @@ class Prepared:
         """
         noise = noise or self.noise
         log = on_stamps(self.log, self.encoders) if at_stamps else self.log
-        found = self._motion(log, noise.angle)
+        full_motion = self._motion(log, noise.angle)
         if not few:
-            start, stop, note = part_of(log, found, self.rig.drive.channel)
+            start, stop, note = part_of(log, full_motion, self.rig.drive.channel)
         if whole:
             start, stop = float(log.time[0]), float(log.time[-1])
             note = Message("segment", f"used the whole log from {start:.4g} to {stop:.4g} s.")
         used = log.segment(start, stop)
-        motion = found.within(float(used.time[0]), float(used.time[-1]))
+        motion = full_motion.within(float(used.time[0]), float(used.time[-1]))
         if reread and len(motion.turning_times):
-            motion = motion.reread(log.time, log.angle, found.speed.half_width)
+            motion = motion.reread(log.time, log.angle, full_motion.speed.half_width)
         encoders = self.encoders.on_time() if at_stamps else self.encoders
         return Part(self.rig, self.equation, used, motion, start, stop, note, noise, encoders)
 
@@ -157,7 +157,7 @@ class Prepared:
         log = replace(log, findings=(*log.findings, off)) if off else log
         add_findings(log, warnings, notes, used=(part.start, part.stop), budget=evaluated.budget)
         decided = {
-            "corrections": [one.as_dict() for one in (*self.corrections, *found)],
+            "corrections": [correction.as_dict() for correction in (*self.corrections, *found)],
             "part": [part.start, part.stop],
             "noise": {"angle": part.noise.angle, "wheel": part.noise.wheel if self.equation.value("wheel") else None},
         }
@@ -207,11 +207,11 @@ def prepare(
 def as_recorded(rig: Rig, log: Recording) -> Rig:
     """The rig whose clock, zero of the angle and pivot are as uncertain as the findings of the log say."""
     keys: dict[str, Quantity] = {}
-    for key, own in (("clock", "of_time"), ("angle_offset", "of_zero")):
-        found = max((getattr(one, own) for one in log.findings), default=0.0)
-        if found:
+    for key, attribute in (("clock", "of_time"), ("angle_offset", "of_zero")):
+        u = max((getattr(finding, attribute) for finding in log.findings), default=0.0)
+        if u:
             stated: Quantity = getattr(rig.log, key)
-            keys[key] = replace(stated, std=math.hypot(stated.std or 0.0, found))
+            keys[key] = replace(stated, std=math.hypot(stated.std or 0.0, u))
     rig = rig.model_copy(update={"log": rig.log.model_copy(update=keys)}) if keys else rig
     pivot = pivot_of(log.findings)
     return rig if pivot is None else rig.model_copy(update={"sensors": rig.sensors.with_pivot(*pivot)})

@@ -88,14 +88,14 @@ def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction,
     pushes = find_pushes(log, rig)
     if not pushes:
         return log, ()
-    left = _reason_to_leave(pushes, log)
-    if left:
-        found = Finding(LEFT_IN, f"{_listed(pushes, unit(rig))}{left}", "warning", spans=_spans(pushes))
-        return replace(log, findings=(*log.findings, found)), _corrections(pushes, rig, "switched off")
+    reason = _reason_to_leave(pushes, log)
+    if reason:
+        finding = Finding(LEFT_IN, f"{_listed(pushes, unit(rig))}{reason}", "warning", spans=_spans(pushes))
+        return replace(log, findings=(*log.findings, finding)), _corrections(pushes, rig, "switched off")
     acts = np.zeros(len(log), dtype=bool)
-    for one in pushes:
-        acts |= (log.time >= one.start) & (log.time <= one.stop)
-    unseen = max(one.unseen for one in pushes)
+    for push in pushes:
+        acts |= (log.time >= push.start) & (log.time <= push.stop)
+    unseen = max(push.unseen for push in pushes)
     message = (
         f"{_listed(pushes, unit(rig))}; {np.count_nonzero(acts)} of {len(log)} rows were excluded, those after it "
     )
@@ -103,20 +103,20 @@ def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction,
     if unseen > BLUNT:
         message += f"; {_smaller(unseen)}, so rather use a part without pushes (--part FROM:TO)"
     level: Literal["note", "warning"] = "warning" if unseen > BLUNT else "note"
-    found = Finding(REPAIR, f"{message}.", level, REPAIR, spans=_spans(pushes))
+    finding = Finding(REPAIR, f"{message}.", level, REPAIR, spans=_spans(pushes))
     kept = {name: values[~acts] for name in CHANNELS if (values := getattr(log, name)) is not None}
-    spans = np.array(found.spans)
-    return replace(log, findings=(*log.findings, found), left_out=spans, **kept), _corrections(pushes, rig, "found")
+    spans = np.array(finding.spans)
+    return replace(log, findings=(*log.findings, finding), left_out=spans, **kept), _corrections(pushes, rig, "found")
 
 
 def _spans(pushes: list[Push]) -> tuple[tuple[float, float], ...]:
-    return tuple((one.start, one.stop) for one in pushes)
+    return tuple((push.start, push.stop) for push in pushes)
 
 
 def _reason_to_leave(pushes: list[Push], log: Recording) -> str:
     """Why the rows stay, as a clause after the list of pushes; empty where they are excluded."""
-    unseen = max(one.unseen for one in pushes)
-    lost = sum(one.stop - one.start for one in pushes)
+    unseen = max(push.unseen for push in pushes)
+    lost = sum(push.stop - push.start for push in pushes)
     if is_off(log, REPAIR):
         return "; these rows were used, as this repair is switched off, and bias the balance."
     if len(pushes) > MOST or lost > MOST_TIME * log.duration:
@@ -136,7 +136,7 @@ def _smaller(unseen: float) -> str:
 
 def _corrections(pushes: list[Push], rig: Rig, origin: Origin) -> tuple[Correction, ...]:
     of = unit(rig)
-    return tuple(Correction("rows", "push", one.torque, None, of, origin, one.start, one.stop) for one in pushes)
+    return tuple(Correction("rows", "push", push.torque, None, of, origin, push.start, push.stop) for push in pushes)
 
 
 def unit(rig: Rig) -> str:
@@ -146,7 +146,7 @@ def unit(rig: Rig) -> str:
 
 def _listed(pushes: list[Push], unit: str) -> str:
     """Times and torques of the pushes."""
-    parts = [f"{one.start:.4g} to {one.stop:.4g} s ({number(one.torque, unit, digits=2)})" for one in pushes[:MOST]]
+    parts = [f"{push.start:.4g} to {push.stop:.4g} s ({number(push.torque, unit, digits=2)})" for push in pushes[:MOST]]
     if len(pushes) > MOST:
         parts.append(f"{len(pushes) - MOST} times more")
     listed = parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
@@ -161,11 +161,11 @@ def find_pushes(log: Recording, rig: Rig) -> list[Push]:
     if balance is None:
         return []
     size, usual, expected = _sizes(balance)
-    found = np.flatnonzero(size > expected)
-    if len(found) == 0:
+    windows = np.flatnonzero(size > expected)
+    if len(windows) == 0:
         return []
     quiet = _quiet(balance, max(usual, 3 * balance.scatter))
-    around = [_around(k, balance, quiet, float(expected[k]), log) for k in _peaks(found, size, quiet)]
+    around = [_around(k, balance, quiet, float(expected[k]), log) for k in _peaks(windows, size, quiet)]
     return _merged(around, balance.half)
 
 
@@ -203,7 +203,7 @@ def _worst_of_swings(balance: QuickBalance, size: Array, moving: Bools) -> float
 def _peaks(found: Ints, size: Array, quiet: Bools) -> list[int]:
     """The largest window of every run of `found` ones without a quiet one between."""
     runs = np.cumsum(quiet)[found]
-    return [int(own[np.argmax(size[own])]) for own in (found[runs == run] for run in np.unique(runs))]
+    return [int(places[np.argmax(size[places])]) for places in (found[runs == run] for run in np.unique(runs))]
 
 
 def _around(k: int, balance: QuickBalance, quiet: Bools, unseen: float, log: Recording) -> Push:
@@ -220,11 +220,11 @@ def _around(k: int, balance: QuickBalance, quiet: Bools, unseen: float, log: Rec
 def _merged(pushes: list[Push], apart: float) -> list[Push]:
     """Pushes in order; those less than `apart` (s) apart, which windows do not resolve, as one."""
     result: list[Push] = []
-    for one in sorted(pushes, key=lambda push: push.start):
-        if not result or one.start > result[-1].stop + apart:
-            result.append(one)
+    for push in sorted(pushes, key=lambda push: push.start):
+        if not result or push.start > result[-1].stop + apart:
+            result.append(push)
             continue
         last = result[-1]
-        torque, unseen = max(last.torque, one.torque, key=abs), max(last.unseen, one.unseen)
-        result[-1] = Push(last.start, max(last.stop, one.stop), torque, unseen)
+        torque, unseen = max(last.torque, push.torque, key=abs), max(last.unseen, push.unseen)
+        result[-1] = Push(last.start, max(last.stop, push.stop), torque, unseen)
     return result

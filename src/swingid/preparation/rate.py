@@ -94,15 +94,15 @@ class Level:
         (Karhunen and Loève).
         """
         along = (time - self.start) / self.length
-        found = {ZERO: (self.zero_std, np.ones_like(time)), BIAS: (self.bias_std, (along - 0.5) * self.length)}
+        entries = {ZERO: (self.zero_std, np.ones_like(time)), BIAS: (self.bias_std, (along - 0.5) * self.length)}
         for k in range(1, self.parts + 1):
             turns = (k - 0.5) * np.pi
             size = self.walk * np.sqrt(self.length) / turns
-            found[f"{WALK} {k}"] = float(size), np.sqrt(2) * np.sin(turns * along)
+            entries[f"{WALK} {k}"] = float(size), np.sqrt(2) * np.sin(turns * along)
         if self.between is not None:
-            found[BETWEEN] = 1.0, np.interp(time.ravel(), *self.between).reshape(time.shape)
-        kept = {name: self.taken.get(name, 0.0) for name in found if name not in (ZERO, BIAS)}
-        return {name: Unknown(std, shape, kept.get(name, 0.0)) for name, (std, shape) in found.items() if std > 0}
+            entries[BETWEEN] = 1.0, np.interp(time.ravel(), *self.between).reshape(time.shape)
+        kept = {name: self.taken.get(name, 0.0) for name in entries if name not in (ZERO, BIAS)}
+        return {name: Unknown(std, shape, kept.get(name, 0.0)) for name, (std, shape) in entries.items() if std > 0}
 
     def less(self, log: Recording, amounts: Mapping[str, float]) -> tuple[Recording, Level]:
         """The log with these amounts of the unknowns subtracted from its angle, too."""
@@ -151,15 +151,15 @@ def levelled(log: Recording, rig: Rig) -> tuple[Recording, Level | None]:
     zero, bias = line_of(log.time, turned)
     for _ in range(ROUNDS):
         current = replace(log, angle=turned - zero - bias * (log.time - middle))
-        found = _centres(current, rig)
-        if found is None:
+        series = _centres(current, rig)
+        if series is None:
             break
-        times, centres = found
+        times, centres = series
         more, slope = line_of(times, centres)
         more -= slope * float((times[0] + times[-1]) / 2 - middle) + _rests_at(rig)
         zero, bias = zero + more, bias + slope
     at = turned - zero - bias * (log.time - middle)
-    level = _level(log, rig, replace(log, angle=at), bias, found)
+    level = _level(log, rig, replace(log, angle=at), bias, series)
     return replace(log, angle=at), replace(level, between=between)
 
 
@@ -236,10 +236,10 @@ def _spread(log: Recording, found: tuple[Array, Array] | None) -> tuple[float, f
         return size / log.duration, 0.0
     times, centres = found
     value, slope = line_of(times, centres)
-    left = centres - value - slope * (times - (times[0] + times[-1]) / 2)
+    residuals = centres - value - slope * (times - (times[0] + times[-1]) / 2)
     # means of four turning angles share three with the next one: a fourth of them is independent
     independent = max(len(centres) / 4, 3.0)
-    scatter = float(np.sqrt(np.sum(left**2) / max(len(left) - 2, 1)))
+    scatter = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - 2, 1)))
     return scatter / np.sqrt(independent) / max(float(np.std(times)), 1e-300), scatter
 
 
@@ -256,15 +256,15 @@ def _beside(
     value, bias = line_of(log.time, turned - log.angle)
     independent = max(len(log) / 4, 3.0)
     spread = float(np.std(turned - log.angle)) / np.sqrt(independent)
-    found = Quantity(bias, spread / max(float(np.std(log.time)), 1e-300))
+    drift = Quantity(bias, spread / max(float(np.std(log.time)), 1e-300))
     text = (
-        f"the rate was used, with the zero of the angle beside it; its bias is {plus_minus(bias, found.std, 'rad/s')}."
+        f"the rate was used, with the zero of the angle beside it; its bias is {plus_minus(bias, drift.std, 'rad/s')}."
     )
     log = replace(log, angle=turned - value - bias * (log.time - middle))
-    return _noted(log, text), Level(found, float(log.time[0]), log.duration, 0.0, 0.0, between=between)
+    return _noted(log, text), Level(drift, float(log.time[0]), log.duration, 0.0, 0.0, between=between)
 
 
 def _noted(log: Recording, text: str) -> Recording:
-    if any(one.kind is Kind.ANGLE_BESIDE and one.code == "angle-or-rate" for one in log.findings):
+    if any(finding.kind is Kind.ANGLE_BESIDE and finding.code == "angle-or-rate" for finding in log.findings):
         return log
     return replace(log, findings=(*log.findings, Finding("angle-or-rate", text, "note", kind=Kind.ANGLE_BESIDE)))

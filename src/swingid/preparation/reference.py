@@ -117,9 +117,9 @@ def _motor_on_axis(rig: Rig) -> Reference:
 
 def _strings(rig: Rig) -> dict[str, object]:
     """Changes by which the strings are stated by what acts, not by their geometry."""
-    found = rig.axis.suspension
-    assert found is not None
-    table = {"stiffness": 1.0, "shape": found.shape, "height": found.height}
+    suspension = rig.axis.suspension
+    assert suspension is not None
+    table = {"stiffness": 1.0, "shape": suspension.shape, "height": suspension.height}
     return {"axis.bifilar": None, "axis.trifilar": None, "axis.suspension": table}
 
 
@@ -148,20 +148,20 @@ def turns_freely(rig: Rig) -> bool:
 
 def in_units(rig: Rig) -> Rig:
     """The rig, with a constant as unit where nothing sets the scale: for what looks at ratios and shares only."""
-    found = reference_of(rig)
-    return rig if found is None else found.rig
+    reference = reference_of(rig)
+    return rig if reference is None else reference.rig
 
 
 def refuse_without_scale(rig: Rig) -> None:
     """Raise UnanswerableError where the rig states no scale reference, for what gives no ratios."""
-    found = None if rig.reference else reference_of(rig)
-    if found is not None and found.scaled_by is None:
+    reference = None if rig.reference else reference_of(rig)
+    if reference is not None and reference.scaled_by is None:
         raise UnanswerableError(
-            f"rig {rig.name}: nothing sets the scale ({found.key} is unknown), so only ratios to the inertia are "
-            f"identifiable, which swingid identify gives; for more {found.remedy}.",
+            f"rig {rig.name}: nothing sets the scale ({reference.key} is unknown), so only ratios to the inertia are "
+            f"identifiable, which swingid identify gives; for more {reference.remedy}.",
             code="no-scale",
         )
-    if found is not None:
+    if reference is not None:
         raise UnanswerableError(
-            f"rig {rig.name}: {found.key} is unknown, which only swingid identify takes; state it.", code="no-scale"
+            f"rig {rig.name}: {reference.key} is unknown, which only swingid identify takes; state it.", code="no-scale"
         )

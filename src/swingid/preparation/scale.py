@@ -26,8 +26,8 @@ def equation_of(rig: Rig, *, elsewhere: bool = False) -> Equation:
 
     elsewhere: whether something that is no key of the rig sets the scale, as a known body added to the axis.
     """
-    found = Equation.of(rig)
-    held = any(found.value(one.name) for one in found.conservative)
+    equation = Equation.of(rig)
+    held = any(equation.value(term.name) for term in equation.conservative)
     if not elsewhere:
         refuse_without_scale(rig)
     if rig.drive.channel is None and not held and not elsewhere:
@@ -36,12 +36,12 @@ def equation_of(rig: Rig, *, elsewhere: bool = False) -> Equation:
             'axis.gravity_torque, or axis.stiffness of a spring, a number or "unknown" (for ratios).',
             code="no-scale",
         )
-    if found.stated.get("wheel") == 0:
+    if equation.stated.get("wheel") == 0:
         raise UnanswerableError(
             f"rig {rig.name}: drive.wheel.inertia is 0, but the wheel's inertia sets the scale; give it.",
             code="no-scale",
         )
-    return found
+    return equation
 
 
 def refuse_terms(rig: Rig, method: str) -> None:
@@ -84,7 +84,7 @@ def require_channels(log: Recording, rig: Rig) -> None:
 
     UnanswerableError where the scale reference is not stated.
     """
-    unstated = next((found for found in log.findings if found.kind is Kind.NO_SCALE), None)
+    unstated = next((finding for finding in log.findings if finding.kind is Kind.NO_SCALE), None)
     if unstated is not None:
         raise UnanswerableError(f"{log.source.path or 'the log'}: {unstated.message}", code="no-scale")
     sensors = {"sensors.latency": rig.sensors.of("angle"), "sensors.wheel.latency": rig.sensors.of("wheel")}

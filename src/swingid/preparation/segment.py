@@ -41,11 +41,11 @@ def usable_part(
 def _require_turns(motion: Motion, channel: str | None, start: float, stop: float) -> None:
     """Raise UnanswerableError where fewer than four turning points are found."""
     if len(motion.turning_times) < FEWEST_TURNS:
-        found = len(motion.turning_times)
+        count = len(motion.turning_times)
         # momentum needs none with a direct drive, as in a spin-up
         other = ", or identify one in one direction with the method momentum" if channel == "torque" else ""
         raise UnanswerableError(
-            f"the angle shows {found} turning point{'' if found == 1 else 's'} from {start:.6g} to {stop:.6g} s, "
+            f"the angle shows {count} turning point{'' if count == 1 else 's'} from {start:.6g} to {stop:.6g} s, "
             f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro{other}.",
             code="no-turning-points",
         )
@@ -155,8 +155,8 @@ def free_decays(motion: Motion, start: float, stop: float) -> list[tuple[float, 
 
 def _decay(motion: Motion, start: float, stop: float) -> tuple[float, float]:
     """The free decay with the most motion."""
-    found = free_decays(motion, start, stop)
-    return max(found, key=lambda part: float(motion.within(*part).swing_sizes.sum()))
+    parts = free_decays(motion, start, stop)
+    return max(parts, key=lambda part: float(motion.within(*part).swing_sizes.sum()))
 
 
 def spin_down(motion: Motion, start: float, stop: float) -> tuple[float, float, Message]:

@@ -63,7 +63,7 @@ def centred(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction, ...]
     hangs = not held if b else len(held) == 1 and rig.axis.suspension is not None
     if rig.drive.channel is not None or rig.axis.kind != "rotary" or not hangs or isinstance(gravity, str):
         return log, ()
-    if any(one.kind is Kind.ANGLE_ZERO for one in log.findings):
+    if any(finding.kind is Kind.ANGLE_ZERO for finding in log.findings):
         return log, ()
     noise = channel_noise(log, rig)
     try:
@@ -71,10 +71,10 @@ def centred(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction, ...]
         start, stop, _ = part_of(log, motion, rig.drive.channel)
     except UnanswerableError:
         return log, ()  # the method says why
-    found = centre_of(motion.within(start, stop).turning_angles)
-    if found is None:
+    estimate = centre_of(motion.within(start, stop).turning_angles)
+    if estimate is None:
         return log, ()
-    centre, scatter = found
+    centre, scatter = estimate
     centre -= 2 * np.pi * round(centre / (2 * np.pi))
     if abs(centre) <= max(CERTAIN * scatter, noise.resolution, HARMLESS):
         return log, ()

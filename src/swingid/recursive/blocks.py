@@ -70,8 +70,8 @@ def momentum_block(
     unknowns, columns = columns_of(rows, equation, (*BASIS, "memory"))
 
     def declared(values: Array) -> list[RowError]:
-        found = equation.stated | dict(zip(unknowns, values.tolist(), strict=True))
-        return errors_of(rows, signals, rig, equation, found)
+        coefficients = equation.stated | dict(zip(unknowns, values.tolist(), strict=True))
+        return errors_of(rows, signals, rig, equation, coefficients)
 
     turning, side = float(motion.turning_times[at]), float(motion.sides[at])
     return Block(turning, side, unknowns, columns, known_side(rows, equation), rows.windows, signals, declared)
@@ -105,8 +105,8 @@ def energy_block(
     def declared(values: Array) -> list[RowError]:
         """The declared errors, on differences from the block's mean."""
         known = equation.stated | dict(zip(unknowns, values.tolist(), strict=True))
-        found = (item for item in pass_errors(rows, rig, equation, known) if item.std > 0)
-        return [replace(item, rows=rows.within(item.rows)) for item in found]
+        errors = (item for item in pass_errors(rows, rig, equation, known) if item.std > 0)
+        return [replace(item, rows=rows.within(item.rows)) for item in errors]
 
     columns, target = rows.within(columns.T).T, rows.within(known_side(rows, equation))
     return Block(turning, float(motion.sides[at]), unknowns, columns, target, None, None, declared)

@@ -102,9 +102,9 @@ class Recursion:
         if self._sums is not None:
             self._crossed += np.outer(sums, self._sums)
         self._sensor += self._noise_of(block)
-        for one in block.declared(self.origin):
-            before = self.errors[one.source].rows if one.source in self.errors else 0.0
-            self.errors[one.source] = replace(one, rows=before + block.columns.T @ one.rows)
+        for error in block.declared(self.origin):
+            before = self.errors[error.source].rows if error.source in self.errors else 0.0
+            self.errors[error.source] = replace(error, rows=before + block.columns.T @ error.rows)
         self._before, self._sums = block, sums
         self.swings += 1
 
@@ -172,11 +172,11 @@ class Recursion:
             return 0.0
         noise, before = self.noise, self._before
         power = ((self.origin[0] * noise.angle) ** 2 + (self.equation.value("wheel") * noise.wheel) ** 2) * noise.step
-        own = block.columns.T @ _overlap(block.windows, block.windows) @ block.columns
+        products = block.columns.T @ _overlap(block.windows, block.windows) @ block.columns
         if before is not None and before.windows is not None:
             shared = before.columns.T @ _overlap(before.windows, block.windows) @ block.columns
-            own = own + shared + shared.T
-        result: Array = own * power
+            products = products + shared + shared.T
+        result: Array = products * power
         return result
 
 
@@ -246,11 +246,11 @@ class Reporter:
         declared = propagated(recursion.errors.values(), solution.inverse[at])
         timing = np.zeros(len(at)) if solution.timing is None else solution.timing[at]
         common = [(systematic(TIMING), name, float(u)) for name, u in zip(names, timing, strict=True)]
-        found = evaluate(values, scattered, common, declared, () if known else values, self.relative)
+        evaluated = evaluate(values, scattered, common, declared, () if known else values, self.relative)
         # the inertia of one swing, less the friction of all swings
-        own = block.columns[:, 0]
-        left = block.target - block.columns[:, 1:] @ solution.values[1:]
-        alone = float(own @ left / (own @ own)) - equation.carried
+        regressor = block.columns[:, 0]
+        remainder = block.target - block.columns[:, 1:] @ solution.values[1:]
+        alone = float(regressor @ remainder / (regressor @ regressor)) - equation.carried
         self._squares += (alone - values["inertia"][0]) ** 2
         spread = float(np.sqrt(self._squares / (recursion.swings - 1))) if known else None
         return SwingEstimate(
@@ -258,8 +258,8 @@ class Reporter:
             time=block.time,
             side=block.side,
             swing_inertia=Parameter.of(alone, spread, equation.unit),
-            parameters=found.parameters,
-            budget=tuple(found.budget),
+            parameters=evaluated.parameters,
+            budget=tuple(evaluated.budget),
             rows_skipped=skipped,
             swings_lost=lost,
         )

@@ -182,8 +182,8 @@ def outweighed(budget: Sequence[BudgetEntry], parameter: str, source: str) -> bo
 
 def freedom_of(budget: Iterable[BudgetEntry], parameter: str) -> float:
     """Effective degrees of freedom of a parameter (Welch and Satterthwaite)."""
-    own = [entry for entry in budget if entry.parameter == parameter]
-    return effective_freedom((entry.standard_uncertainty, entry.origin.degrees_of_freedom) for entry in own)
+    entries = [entry for entry in budget if entry.parameter == parameter]
+    return effective_freedom((entry.standard_uncertainty, entry.origin.degrees_of_freedom) for entry in entries)
 
 
 @dataclass(frozen=True)
@@ -233,8 +233,8 @@ class Evaluated:
         after = Parameter.of(before.value, combined(budget, name), before.unit, effective_freedom(parts))
         share = before.standard_uncertainty / (after.standard_uncertainty or u)
         correlation = {
-            one: {other: r if one == other or name not in (one, other) else share * r for other, r in row.items()}
-            for one, row in self.correlation.items()
+            first: {other: r if first == other or name not in (first, other) else share * r for other, r in row.items()}
+            for first, row in self.correlation.items()
         }
         return Evaluated(self.parameters | {name: after}, budget, correlation, self.sensitivities)
 
@@ -270,17 +270,17 @@ def evaluate(
             matrix[names.index(name), names.index(name)] += u**2
             budget.append(BudgetEntry(source, name, u))
     sensitivities = {}
-    for one in declared:
-        if one.constant:
-            sensitivities[one.source.name] = float(one.slopes[0])
-        if one.std > 0:
-            if one.of_time:
-                own = [-value * time_power(unit) for value, unit in values.values()]
-                one = replace(one, slopes=one.slopes + own)
-            shifts = one.slopes * one.std
+    for effect in declared:
+        if effect.constant:
+            sensitivities[effect.source.name] = float(effect.slopes[0])
+        if effect.std > 0:
+            if effect.of_time:
+                powers = [-value * time_power(unit) for value, unit in values.values()]
+                effect = replace(effect, slopes=effect.slopes + powers)
+            shifts = effect.slopes * effect.std
             matrix += np.outer(shifts, shifts)
-            slopes = zip(names, one.slopes.tolist(), strict=True)
-            budget += [BudgetEntry(one.source, name, abs(slope) * one.std, slope) for name, slope in slopes]
+            slopes = zip(names, effect.slopes.tolist(), strict=True)
+            budget += [BudgetEntry(effect.source, name, abs(slope) * effect.std, slope) for name, slope in slopes]
     left_out = set(unknown)
     parameters = {
         name: Parameter.of(value, None if name in left_out else combined(budget, name), unit, freedom_of(budget, name))
@@ -299,7 +299,7 @@ def correlation_of(names: Sequence[str], covariance: Array) -> dict[str, dict[st
     inverse = np.where(spread > 0, 1 / np.maximum(spread, 1e-300), 0.0)
     matrix = np.clip(covariance * inverse[:, None] * inverse, -1.0, 1.0)
     np.fill_diagonal(matrix, 1.0)
-    return {one: {other: float(matrix[i, j]) for j, other in enumerate(names)} for i, one in enumerate(names)}
+    return {name: {other: float(matrix[i, j]) for j, other in enumerate(names)} for i, name in enumerate(names)}
 
 
 def joined(first: Array, second: Array, cross: Array, first_model: Array, second_model: Array) -> Array:

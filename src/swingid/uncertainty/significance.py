@@ -81,5 +81,5 @@ def normal_of_ratio(ratio: float, first: float, second: float) -> float:
     """
     if ratio <= 0:
         return -math.inf
-    cube, one, two = math.cbrt(ratio), 2 / (9 * first), 2 / (9 * second)
-    return ((1 - two) * cube - (1 - one)) / math.sqrt(two * cube**2 + one)
+    cube, v1, v2 = math.cbrt(ratio), 2 / (9 * first), 2 / (9 * second)
+    return ((1 - v2) * cube - (1 - v1)) / math.sqrt(v2 * cube**2 + v1)

@@ -87,14 +87,14 @@ class Uncertain:
         for key, shift in self.shifts.items():
             source = replace(self.sources[key], degrees_of_freedom=math.inf, std=None)
             alike.setdefault(source, {})[key] = shift
-        found = []
+        budget = []
         for source, shifts in alike.items():
             first = next(iter(shifts))
             std = self.sources[first].std if len(shifts) == 1 else None
             freedom = effective_freedom((shift, self.sources[key].degrees_of_freedom) for key, shift in shifts.items())
             origin, u = replace(source, degrees_of_freedom=freedom), _spread(shifts, self.correlations)
-            found.append(BudgetEntry(origin, parameter, u, shifts[first] / std if std else None))
-        return found
+            budget.append(BudgetEntry(origin, parameter, u, shifts[first] / std if std else None))
+        return budget
 
     def parameter(self, unit: str) -> Parameter:
         """The value with its interval."""
@@ -106,34 +106,34 @@ def first_order(value: float, values: Sequence[Uncertain], slopes: Iterable[floa
     shifts: dict[str, float] = {}
     sources: dict[str, Source] = {}
     correlations: dict[tuple[str, str], float] = {}
-    for one, slope in zip(values, slopes, strict=True):
-        for key, shift in one.shifts.items():
+    for term, slope in zip(values, slopes, strict=True):
+        for key, shift in term.shifts.items():
             shifts[key] = shifts.get(key, 0.0) + slope * shift
-            source = one.sources[key]
+            source = term.sources[key]
             if source.std is not None or key not in sources or sources[key].std is None:
                 sources[key] = source
-        correlations.update(one.correlations)
+        correlations.update(term.correlations)
     return Uncertain(value, shifts, sources, correlations)
 
 
 def weighted_sum(values: Sequence[Uncertain], weights: Iterable[float]) -> Uncertain:
     """Σ weight · value; a matrix of weights, row by row, gives several of them, correlated by what they share."""
     known = list(weights)
-    return first_order(float(sum(w * one.value for w, one in zip(known, values, strict=True))), values, known)
+    return first_order(float(sum(w * term.value for w, term in zip(known, values, strict=True))), values, known)
 
 
 def covariance(values: Sequence[Uncertain]) -> Array:
     """Covariance of the values, (n, n): S R Sᵀ with their shifts S and the correlations R of the sources."""
     import numpy as np
 
-    keys = {key: k for k, key in enumerate(dict.fromkeys(key for one in values for key in one.shifts))}
-    shifts = np.array([[one.shifts.get(key, 0.0) for key in keys] for one in values]).reshape(len(values), len(keys))
-    found: Array = shifts @ shifts.T
-    for (a, b), r in {pair: r for one in values for pair, r in one.correlations.items()}.items():
+    keys = {key: k for k, key in enumerate(dict.fromkeys(key for term in values for key in term.shifts))}
+    shifts = np.array([[term.shifts.get(key, 0.0) for key in keys] for term in values]).reshape(len(values), len(keys))
+    matrix: Array = shifts @ shifts.T
+    for (a, b), r in {pair: r for term in values for pair, r in term.correlations.items()}.items():
         if a in keys and b in keys:
             both = r * np.outer(shifts[:, keys[a]], shifts[:, keys[b]])
-            found += both + both.T
-    return found
+            matrix += both + both.T
+    return matrix
 
 
 def _exact(number: Uncertain | float) -> Uncertain:

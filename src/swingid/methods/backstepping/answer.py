@@ -50,9 +50,9 @@ def details(run: Run, others: dict[str, Run], law: str, motion: Motion, balance:
     """What the report draws: the curve, when it converged, and the other runs; `law` names this one."""
     curve, settled = run.inertia, run.settled
     estimates = {
-        name: (one.settled.mean, one.settled.scatter)
-        for name, one in {law: run, **others}.items()
-        if one.settled.converged
+        name: (variant.settled.mean, variant.settled.scatter)
+        for name, variant in {law: run, **others}.items()
+        if variant.settled.converged
     }
     extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
     kept = np.unique(np.linspace(0, len(curve.time) - 1, POINTS).astype(np.int64))

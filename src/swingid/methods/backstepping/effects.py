@@ -30,8 +30,8 @@ def effects(log: Recording, rig: Rig, equation: Equation, encoders: Encoders, ag
     """Effects of all constants that the model contains and of all declared imperfections."""
     plain = again(log, rig)
     changes = [*_of_constants(log, rig, equation), *_of_channels(log, rig, encoders)]
-    found = (one.on((again(*changed) - plain) / step) for one, step, changed in changes)
-    return list(declared_with_deviations(rig, found))
+    declared = (error.on((again(*changed) - plain) / step) for error, step, changed in changes)
+    return list(declared_with_deviations(rig, declared))
 
 
 Change = tuple[Perturbation, float, tuple[Recording, Rig]]
@@ -39,26 +39,26 @@ Change = tuple[Perturbation, float, tuple[Recording, Rig]]
 
 
 def _of_constants(log: Recording, rig: Rig, equation: Equation) -> Iterator[Change]:
-    for one in of_constants(of_energy(rig, equation)):
-        stated = stated_at(rig, one.source)
-        if one.source == WHEEL_TILT and rig.drive.wheel is not None:
-            yield one, -STEP, (log, rig.changed({WHEEL_TILT: math.acos(rig.drive.wheel.along.value * (1 - STEP))}))
-        if not one.constant or not isinstance(stated, Quantity):
+    for constant in of_constants(of_energy(rig, equation)):
+        stated = stated_at(rig, constant.source)
+        if constant.source == WHEEL_TILT and rig.drive.wheel is not None:
+            yield constant, -STEP, (log, rig.changed({WHEEL_TILT: math.acos(rig.drive.wheel.along.value * (1 - STEP))}))
+        if not constant.constant or not isinstance(stated, Quantity):
             continue  # what is a deviation of several follows from those
-        step = STEP * abs(stated.value) or one.std
-        if one.source == "log.torque_gain" and log.torque is not None:
-            yield one, step, (replace(log, torque=log.torque * (1 + step / stated.value)), rig)
+        step = STEP * abs(stated.value) or constant.std
+        if constant.source == "log.torque_gain" and log.torque is not None:
+            yield constant, step, (replace(log, torque=log.torque * (1 + step / stated.value)), rig)
         elif step:
-            yield one, step, (log, rig.changed({one.source: stated.value + step}))
+            yield constant, step, (log, rig.changed({constant.source: stated.value + step}))
 
 
 def _of_channels(log: Recording, rig: Rig, encoders: Encoders) -> Iterator[Change]:
     """Errors of one standard deviation of the channels."""
-    for one in of_channels(rig, encoders):
-        name = "angle" if one.channel == "angle" else "wheel_angle"
+    for error in of_channels(rig, encoders):
+        name = "angle" if error.channel == "angle" else "wheel_angle"
         values: Array = getattr(log, name)
-        late = one.shape == "latency"
+        late = error.shape == "latency"
         changed: dict[str, Any] = {
-            name: moved(log.time, values, one.std) if late else values + one.std * SHAPES[one.shape](values)
+            name: moved(log.time, values, error.std) if late else values + error.std * SHAPES[error.shape](values)
         }
-        yield one, one.std, (replace(log, **changed), rig)
+        yield error, error.std, (replace(log, **changed), rig)

@@ -83,8 +83,8 @@ def backstepping(
         others["reversals of the wheel within a row"] = _run(channels, rig, motion, gains, sooner=True)
 
     def again(changed_log: Recording, changed_rig: Rig) -> Array:
-        own = channels if changed_log is used else channels_of(changed_log, widths)
-        return _run(own, changed_rig, motion, gains).estimates(run.settled.first, run.settled.last)
+        inputs = channels if changed_log is used else channels_of(changed_log, widths)
+        return _run(inputs, changed_rig, motion, gains).estimates(run.settled.first, run.settled.last)
 
     declared = effects(used, rig, equation, part.encoders, again)
     answered = answer(run, others, declared, equation, check.conflict, rig.axis.model_uncertainty)

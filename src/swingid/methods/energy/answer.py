@@ -57,10 +57,10 @@ def energy_answer(estimate: EnergyEstimate, rig: Rig) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant, by its key."""
     fit, equation = estimate.fit, estimate.fit.equation
     weights, units = _sought(fit), units_on(linear=equation.linear)
-    values = {name: (float(own @ fit.fit.values), units[name]) for name, own in weights.items()}
+    values = {name: (float(row @ fit.fit.values), units[name]) for name, row in weights.items()}
     values["inertia"] = fit.inertia, units["inertia"]
-    own = np.array(list(weights.values()))
-    declared = propagated(pass_errors(fit.rows, rig, equation, fit.coefficients), fit.fit.influence, own)
+    combinations = np.array(list(weights.values()))
+    declared = propagated(pass_errors(fit.rows, rig, equation, fit.coefficients), fit.fit.influence, combinations)
     common = [(systematic(source), name, spread) for (name, source), spread in estimate.common.items()]
     unmodelled = rig.axis.model_uncertainty
     if not fit.has_scatter:
@@ -71,10 +71,12 @@ def energy_answer(estimate: EnergyEstimate, rig: Rig) -> Evaluated:
     for name, other in estimate.others.items():  # of the same log, so the variances differ by that of the difference
         dark = dark_uncertainty(other.a11 - fit.a11, abs(other.u**2 - u**2), u)
         common.append((systematic(f"disagreement: {name}"), "inertia", dark))
-    blocks = fit.rows.blocks(np.square(own @ fit.fit.influence)).sum(axis=2)
+    blocks = fit.rows.blocks(np.square(combinations @ fit.fit.influence)).sum(axis=2)
     freedom = [scatter_freedom(np.sqrt(block), NEIGHBOURS, len(fit.unknowns)) for block in blocks]
     scattered = Scatter(
-        "scatter of the swings and sensor noise", own @ fit.covariance @ own.T * widening, np.array(freedom)
+        "scatter of the swings and sensor noise",
+        combinations @ fit.covariance @ combinations.T * widening,
+        np.array(freedom),
     )
     return evaluate(values, scattered, common, declared, relative=unmodelled)
 
@@ -84,9 +86,9 @@ def _sought(fit: PassFit) -> dict[str, Array]:
     unit = {name: np.eye(len(fit.unknowns))[k] for k, name in enumerate(fit.unknowns)}
     even = ("offset", "viscous_even") if _depends_on_direction(fit) else ()
     terms = tuple(name for name in ("coulomb", "viscous", "quadratic", *even) if name in unit)
-    found = {name: unit[name] for name in fit.unknowns if fit.equation.seeks(name)}
+    weights = {name: unit[name] for name in fit.unknowns if fit.equation.seeks(name)}
     columns = np.array([unit[name] for name in terms])
-    return found | {name: own @ columns for name, own in parameter_weights(terms).items()}
+    return weights | {name: row @ columns for name, row in parameter_weights(terms).items()}
 
 
 def _depends_on_direction(fit: PassFit) -> bool:
@@ -124,7 +126,7 @@ def energy_details(estimate: EnergyEstimate, part: Part) -> Details:
     """What the report draws."""
     fit, better = estimate.fit, estimate.each is None
     travelled = np.abs(np.diff(fit.rows.blocks(fit.rows.angle), axis=1)).sum(axis=1)
-    left = fit.rows.blocks(fit.fit.residuals)
+    residuals = fit.rows.blocks(fit.fit.residuals)
     return Details(
         start=part.start,
         stop=part.stop,
@@ -132,9 +134,11 @@ def energy_details(estimate: EnergyEstimate, part: Part) -> Details:
         turning_angles=part.motion.turning_angles,
         swings=_per_swing(estimate),
         friction=_curve(fit) if better else None,
-        estimates={name: (one.inertia, one.u) for name, one in {estimate.variant: fit, **estimate.others}.items()},
+        estimates={
+            name: (variant.inertia, variant.u) for name, variant in {estimate.variant: fit, **estimate.others}.items()
+        },
         residual_times=estimate.turning if better else np.empty(0),
-        residuals=(left[:, -1] - left[:, 0]) / travelled if better else np.empty(0),
+        residuals=(residuals[:, -1] - residuals[:, 0]) / travelled if better else np.empty(0),
     )
 
 
@@ -142,8 +146,8 @@ def _per_swing(estimate: EnergyEstimate) -> SwingSeries:
     """One inertia per turning point: that of its pair, or of its block less the fitted friction."""
     fit, rows, values = estimate.fit, estimate.fit.rows, estimate.each
     if values is None:
-        left = known_side(rows, fit.equation) - rows.sum_of({name: fit.value(name) for name in fit.unknowns[1:]})
-        energy, speed = (rows.blocks(rows.within(x)) for x in (left, rows["inertia"]))
+        remainder = known_side(rows, fit.equation) - rows.sum_of({name: fit.value(name) for name in fit.unknowns[1:]})
+        energy, speed = (rows.blocks(rows.within(x)) for x in (remainder, rows["inertia"]))
         values = (energy * speed).sum(axis=1) / (speed * speed).sum(axis=1)
     expected = float(np.sqrt(estimate.sensor * len(rows.instants)))
     return SwingSeries.of(estimate.turning, estimate.sides, values - fit.equation.carried, expected)

@@ -138,19 +138,19 @@ class PassRows(Rows):
         """The terms of an equation at `instants` (blocks, nodes) inside the log."""
         rows = cls(Windows(instants.ravel(), np.zeros(instants.size)), {}, course=course, instants=instants)
         v1, v2 = rows.speed, rows.wheel_speed
-        found = {"inertia": 0.5 * v1**2, "wheel": v1 * v2, "wheel_inertia": 0.5 * v2**2, "offset": rows.angle}
+        columns = {"inertia": 0.5 * v1**2, "wheel": v1 * v2, "wheel_inertia": 0.5 * v2**2, "offset": rows.angle}
         works = rows.at(lambda times: running_integrals(course.nodes, course.powers(), times))
-        found |= dict(zip(LOSSES + (("torque",) if course.motor is None else MOTOR), works, strict=True))
+        columns |= dict(zip(LOSSES + (("torque",) if course.motor is None else MOTOR), works, strict=True))
         for term in equation.terms.values():
-            found |= _works(rows, term)
-        return rows.beside(found)
+            columns |= _works(rows, term)
+        return rows.beside(columns)
 
     def at(self, function: Callable[[Array], Array]) -> Array:
         """A function of rising instants, (…, instants), at the nodes, which overlap where passes do."""
         flat = self.windows.centres
-        found = function(flat[self._order])
-        result = np.empty_like(found)
-        result[..., self._order] = found
+        values = function(flat[self._order])
+        result = np.empty_like(values)
+        result[..., self._order] = values
         return result
 
     @cached_property
@@ -179,8 +179,8 @@ class PassRows(Rows):
 
     def within(self, values: Array) -> Array:
         """Differences of values (…, blocks · nodes) from the mean of each block."""
-        own = self.blocks(values)
-        result: Array = own - (own.sum(axis=-1) / own.shape[-1])[..., None]
+        blocks = self.blocks(values)
+        result: Array = blocks - (blocks.sum(axis=-1) / blocks.shape[-1])[..., None]
         return result.reshape(values.shape)
 
     def inner(self, cut: int) -> PassRows:

@@ -37,9 +37,9 @@ def pass_errors(rows: PassRows, rig: Rig, equation: Equation, values: Mapping[st
 
     values: of all coefficients by name, stated and fitted.
     """
-    constants = [constant_error(rows, equation, one) for one in of_constants(equation)]
-    channels = (one for one in of_channels(rig, rows.course.encoders) if not one.of_noise)
-    return [*constants, *(RowError(one, -_change(rows, equation, values, one)) for one in channels)]
+    constants = [constant_error(rows, equation, error) for error in of_constants(equation)]
+    channels = (error for error in of_channels(rig, rows.course.encoders) if not error.of_noise)
+    return [*constants, *(RowError(error, -_change(rows, equation, values, error)) for error in channels)]
 
 
 def _change(rows: PassRows, equation: Equation, values: Mapping[str, float], one: Perturbation) -> Array:
@@ -79,11 +79,11 @@ def _pull(rows: PassRows, equation: Equation, values: Mapping[str, float]) -> Ar
 
 def _of_friction(rows: PassRows, values: Mapping[str, float], one: Perturbation) -> Array:
     """Change of the work of friction: all of it is read late, its speed is scaled; else negligible."""
-    found = {name: values[name] for name in TERMS if values.get(name)}
+    coefficients = {name: values[name] for name in TERMS if values.get(name)}
     if one.shape == "latency":
-        power = (value * TERMS[name](rows.speed) * rows.speed for name, value in found.items())
+        power = (value * TERMS[name](rows.speed) * rows.speed for name, value in coefficients.items())
         return sum(power, np.zeros(len(rows)))
-    weights = {name: (power_of(name) + 1) * value for name, value in found.items()} if one.scales_speed else {}
+    weights = {name: (power_of(name) + 1) * value for name, value in coefficients.items()} if one.scales_speed else {}
     return rows.sum_of(weights)
 
 

@@ -75,10 +75,10 @@ def sensor_variance(fit: PassFit) -> float:
     rows, of = fit.rows, fit.coefficients
     axis, wheel, v1, v2 = rows.course.axis, rows.course.wheel, rows.speed, rows.wheel_speed
     a11, a12, a22 = of["inertia"], of.get("wheel", 0.0), of.get("wheel_inertia", 0.0)
-    found = _power(rows, fit.fit.influence[0] * (a11 * v1 + a12 * v2), axis.half_width) * axis.noise**2
+    variance = _power(rows, fit.fit.influence[0] * (a11 * v1 + a12 * v2), axis.half_width) * axis.noise**2
     if wheel is None:
-        return found
-    return found + _power(rows, fit.fit.influence[0] * (a12 * v1 + a22 * v2), wheel.half_width) * wheel.noise**2
+        return variance
+    return variance + _power(rows, fit.fit.influence[0] * (a12 * v1 + a22 * v2), wheel.half_width) * wheel.noise**2
 
 
 def slope_overlap(distance: Array) -> Array:

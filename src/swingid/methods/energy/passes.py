@@ -58,16 +58,16 @@ def _crossings(time: Array, angles: Array, turning: Array, tops: Array, sides: A
         rows = np.clip(start[:, None] + direction * behind, 0, len(time) - 1)
         drop = sides[1:-1, None] * (tops[1:-1, None] - angles[rows])
         reached = np.maximum.accumulate(drop, axis=1)
-        k = np.array([np.searchsorted(own, depth) for own, depth in zip(reached, depths, strict=True)])
-        found = start[:, None] + direction * k
-        before = found - direction
+        k = np.array([np.searchsorted(drops, depth) for drops, depth in zip(reached, depths, strict=True)])
+        beyond = start[:, None] + direction * k
+        before = beyond - direction
         sound = (k < count[:, None]) & (before >= 0) & (before < len(time))
         block, level = np.nonzero(sound)
-        one, before = found[sound], before[sound]
+        after, before = beyond[sound], before[sound]
         side, top = sides[block + 1], tops[block + 1]
-        near, far = side * (top - angles[before]), side * (top - angles[one])
+        near, far = side * (top - angles[before]), side * (top - angles[after])
         share = np.where(far == near, 1.0, (depths[sound] - near) / np.where(far == near, 1.0, far - near))
-        result[block, levels + direction * (level + 1)] = time[before] + share * (time[one] - time[before])
+        result[block, levels + direction * (level + 1)] = time[before] + share * (time[after] - time[before])
     outside = (result[:, 0] < turning[:-2]) | (result[:, -1] > turning[2:])
     result[outside, 0] = np.nan
     return result

@@ -27,36 +27,36 @@ def answer(found: Selection, rig: Rig) -> Evaluated:
     units = units_on(linear=equation.linear)
     sought = {name: fit.of(name) for name in fit.unknowns if name in equation.sought}
     friction = np.array([fit.of(name) for name in law.unknowns])
-    sought |= {name: own @ friction for name, own in parameter_weights(law.unknowns).items()}
-    values = {name: (float(own @ fit.fit.values), units[name]) for name, own in sought.items()}
+    sought |= {name: row @ friction for name, row in parameter_weights(law.unknowns).items()}
+    values = {name: (float(row @ fit.fit.values), units[name]) for name, row in sought.items()}
     values["inertia"] = fit.inertia, units["inertia"]
     if "stribeck" in law.terms:  # the fit estimates its change
         values["stribeck_speed"] = values["stribeck_speed"][0] + law.stribeck_speed, units["stribeck_speed"]
-    own = np.array(list(sought.values()))
-    declared = propagated(_errors(rig, fit), fit.fit.influence, own)
-    spread = np.sqrt([fit.variance(row) for row in own])
-    scatters = own @ fit.covariance @ own.T
+    combinations = np.array(list(sought.values()))
+    declared = propagated(_errors(rig, fit), fit.fit.influence, combinations)
+    spread = np.sqrt([fit.variance(row) for row in combinations])
+    scatters = combinations @ fit.covariance @ combinations.T
     scale_of = spread / np.sqrt(np.maximum(np.diag(scatters), 1e-300))
-    freedom = np.array([fit.freedom_of(row) for row in own])
+    freedom = np.array([fit.freedom_of(row) for row in combinations])
     scattered = Scatter(SCATTER, scatters * np.outer(scale_of, scale_of), freedom)
     return evaluate(values, scattered, found.common, declared, relative=rig.axis.model_uncertainty)
 
 
 def _errors(rig: Rig, fit: RowFit) -> Iterator[RowError]:
     """All constants of equation (I), and all perturbations of the channels that are stated, as errors of the rows."""
-    for one in of_constants(fit.equation):
-        yield constant_error(fit.rows, fit.equation, one)
+    for error in of_constants(fit.equation):
+        yield constant_error(fit.rows, fit.equation, error)
     part = fit.part
-    for one in (one for one in of_channels(rig, part.signals.encoders) if not one.of_noise):
-        channel = channel_of(one, rig.drive.channel)
-        measured, late = part.channel(channel), one.shape == "latency"
-        change = part.acting(channel, measured if late else SHAPES[one.shape](measured), fit.coefficients)
+    for error in (error for error in of_channels(rig, part.signals.encoders) if not error.of_noise):
+        channel = channel_of(error, rig.drive.channel)
+        measured, late = part.channel(channel), error.shape == "latency"
+        change = part.acting(channel, measured if late else SHAPES[error.shape](measured), fit.coefficients)
         if late:
-            change = slope(change, part.grid.step) * (1.0 if channel == one.channel else -1.0)
+            change = slope(change, part.grid.step) * (1.0 if channel == error.channel else -1.0)
         (rows,) = fit.row_filter(-change)
-        if one.scales_speed:
+        if error.scales_speed:
             rows -= fit.rows.sum_of({name: power_of(name) * fit.value(name) for name in fit.unknowns if name in TERMS})
-        yield RowError(one, rows)
+        yield RowError(error, rows)
 
 
 def details(found: Selection, span: tuple[float, float]) -> Details:
@@ -71,7 +71,7 @@ def details(found: Selection, span: tuple[float, float]) -> Details:
         turning_angles=motion.turning_angles,
         swings=_per_swing(fit),
         friction=_curve(found, float(np.max(np.abs(motion.speed.speed)))),
-        estimates={name: (one.inertia, one.u) for name, one in fits.items()},
+        estimates={name: (variant.inertia, variant.u) for name, variant in fits.items()},
         residual_times=fit.row_filter.instants[used],
         residuals=fit.fit.residuals[used],
         extra={"cutoff": found.cutoff.frequency, "attenuation": fit.compensated},
@@ -80,12 +80,12 @@ def details(found: Selection, span: tuple[float, float]) -> Details:
 
 def _per_swing(fit: RowFit) -> SwingSeries:
     """One inertia per turning point: from the rows within a quarter period, less the fitted friction."""
-    motion, own = fit.part.motion, fit.rows["inertia"]
-    left = fit.fit.residuals + fit.a11 * own
+    motion, regressor = fit.part.motion, fit.rows["inertia"]
+    remainder = fit.fit.residuals + fit.a11 * regressor
     nearest = np.searchsorted((motion.turning_times[1:] + motion.turning_times[:-1]) / 2, fit.rows.windows.centres)
     count = len(motion.turning_times)
-    power = np.bincount(nearest, fit.weights * own**2, count)
-    work = np.bincount(nearest, fit.weights * own * left, count)
+    power = np.bincount(nearest, fit.weights * regressor**2, count)
+    work = np.bincount(nearest, fit.weights * regressor * remainder, count)
     full = power > 0.5 * np.median(power)
     values = work[full] / power[full] - fit.equation.carried
     return SwingSeries.of(motion.turning_times[full], motion.sides[full], values)
@@ -94,7 +94,7 @@ def _per_swing(fit: RowFit) -> SwingSeries:
 def _curve(found: Selection, fastest: float) -> FrictionCurve:
     """The fitted law as a curve, with its uncertainty."""
     fit, law = found.chosen, found.law
-    own = [fit.unknowns.index(name) for name in law.unknowns]
-    coefficients, change = np.split(fit.fit.values[own], [len(law.terms)])
+    places = [fit.unknowns.index(name) for name in law.unknowns]
+    coefficients, change = np.split(fit.fit.values[places], [len(law.terms)])
     fitted = replace(law, coefficients=coefficients, stribeck_speed=law.stribeck_speed + float(change.sum()))
-    return fitted.curve_at(curve_speeds(fastest, rest=False), fit.covariance[np.ix_(own, own)])
+    return fitted.curve_at(curve_speeds(fastest, rest=False), fit.covariance[np.ix_(places, places)])

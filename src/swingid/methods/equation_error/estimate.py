@@ -73,21 +73,21 @@ class Selection:
     @property
     def between_laws(self) -> float:
         """Standard deviation of the inertia over the possible laws about the chosen one, by their probabilities."""
-        own = self.chosen.a11
-        return float(np.sqrt(sum(weight * (other.a11 - own) ** 2 for _, other, weight in self.laws)))
+        a11 = self.chosen.a11
+        return float(np.sqrt(sum(weight * (other.a11 - a11) ** 2 for _, other, weight in self.laws)))
 
     @property
     def common(self) -> list[tuple[Source, str, float]]:
         """Type A errors that the scatter does not contain: common to all rows, or shown by other fits."""
-        found = self.chosen.common()
-        found["choice of the friction law"] = self.between_laws
+        of_inertia = self.chosen.common()
+        of_inertia["choice of the friction law"] = self.between_laws
         if "memory" not in self.chosen.unknowns:
             effect = float(self.chosen.fit.influence[0] @ self.memory)
-            found[TIMING] = abs(effect) * self.impulse
+            of_inertia[TIMING] = abs(effect) * self.impulse
         # the cut-offs have the same noise and lack of fit, so their differences are one error
         apart = [self.chosen.contradicted(other) for other in self.cutoffs.values()]
-        found |= {"drift with the cut-off": max(apart, default=0.0), CONFLICT: self.conflict}
-        each = {"inertia": found}
+        of_inertia |= {"drift with the cut-off": max(apart, default=0.0), CONFLICT: self.conflict}
+        each = {"inertia": of_inertia}
         each |= {name: self.chosen.common(name) for name in self.chosen.equation.sought[1:]}
         return [(systematic(source), name, u) for name, errors in each.items() for source, u in errors.items()]
 
@@ -105,12 +105,15 @@ def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bo
     plain = fit_rows(part, row_filter, law.unknowns, law, lag)
     memory = fit_rows(part, row_filter, (*law.unknowns, "memory"), law, plain.lag)
     levels = dry_levels(part.signals, plain.value)
-    found = memory.value("memory"), memory.spread("memory")
+    measured = memory.value("memory"), memory.spread("memory")
     expected = impulses_expected(part.motion, late, law.torque, levels)
-    more, impulse = impulse_found(part.equation, part.motion, found, expected, dry_friction(law.torque, levels))
+    more, impulse = impulse_found(part.equation, part.motion, measured, expected, dry_friction(law.torque, levels))
     chosen = fit_rows(part, row_filter, (*law.unknowns, *more), law, plain.lag) if more else plain
     others = [(other, weight) for other, weight in likely if other.name != law.name]
-    laws = [(one, fit_rows(part, row_filter, (*one.unknowns, *more), one, plain.lag), weight) for one, weight in others]
+    laws = [
+        (candidate, fit_rows(part, row_filter, (*candidate.unknowns, *more), candidate, plain.lag), weight)
+        for candidate, weight in others
+    ]
     others_of = {*cutoff.beside(1 / part.grid.step), *cutoff.down_to(LOWEST / (2 * part.motion.half_period))[1:]}
     cutoffs = {}
     for other in sorted(others_of, key=lambda one: -one.frequency):
@@ -120,7 +123,7 @@ def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bo
     if chosen.lag == 0 and cutoffs:
         share = noise_share(chosen, next(iter(cutoffs.values())))
         chosen = chosen.without_bias(*share)
-        laws = [(one, fit.without_bias(*share), weight) for one, fit, weight in laws]
+        laws = [(candidate, fit.without_bias(*share), weight) for candidate, fit, weight in laws]
         cutoffs = {name: fit.without_bias(*share) for name, fit in cutoffs.items()}
     return Selection(chosen, law, likely, tuple(laws), cutoff, cutoffs, impulse, memory.rows["memory"])
 
@@ -137,7 +140,7 @@ def choose_lower(part: OnGrid, rule: Cutoff) -> Cutoff:
             break
         tried.append((fit_rows(part, row_filter, PLAIN).relative_with_bias(), cutoff))
     least = min(relative for relative, _ in tried)
-    cutoff = next(one for relative, one in tried if relative <= FLAT * least)
+    cutoff = next(candidate for relative, candidate in tried if relative <= FLAT * least)
     if cutoff.frequency == rule.frequency:
         return cutoff
     reason = f"least relative uncertainty of the inertia below the {rule.frequency:.3g} Hz of the rule"
@@ -192,16 +195,16 @@ def _possible(part: OnGrid, row_filter: RowFilter, choice: LawChoice) -> Weighte
 
 def _likely(tried: Iterable[tuple[Law, float]]) -> Weighted:
     """The laws of more than negligible probability, with that, the most probable first."""
-    found = sorted(tried, key=lambda one: -one[1])
-    total = sum(weight for _, weight in found)
-    return tuple((law, weight / total) for law, weight in found if weight > POSSIBLE * total)
+    ranked = sorted(tried, key=lambda one: -one[1])
+    total = sum(weight for _, weight in ranked)
+    return tuple((law, weight / total) for law, weight in ranked if weight > POSSIBLE * total)
 
 
 def _filtered_hats(row_filter: RowFilter, speeds: Array, knots: Array) -> Array:
     """Hat functions on rising `knots` at `speeds` (n,), constant beyond them, filtered: (knots, rows)."""
-    left = np.clip(np.searchsorted(knots, speeds, side="right") - 1, 0, len(knots) - 2)
-    share = np.clip((speeds - knots[left]) / np.diff(knots)[left], 0.0, 1.0)
+    below = np.clip(np.searchsorted(knots, speeds, side="right") - 1, 0, len(knots) - 2)
+    share = np.clip((speeds - knots[below]) / np.diff(knots)[below], 0.0, 1.0)
     columns = np.zeros((len(knots), len(speeds)))
-    at = left * len(speeds) + np.arange(len(speeds))
+    at = below * len(speeds) + np.arange(len(speeds))
     columns.ravel()[at], columns.ravel()[at + len(speeds)] = 1 - share, share
     return row_filter(*columns)

@@ -145,7 +145,7 @@ class OnGrid:
 
     def earlier(self, late: Array) -> OnGrid:
         """The same with every turning point `late` seconds earlier (one value each)."""
-        dry = {name for name, own in self.equation.terms.items() if own.term.is_dry}
+        dry = {name for name, term in self.equation.terms.items() if term.term.is_dry}
         turning = {"coulomb", "stribeck", *IMPULSES} | dry
         steady = {key: column for key, column in self.kept.items() if key[0][0] not in turning}
         return replace(self, signals=self.signals.earlier(late), kept=steady)
@@ -181,18 +181,18 @@ class OnGrid:
 
         Away from the ends it is symmetric: so it also is the effect of every sample on a sum with the weights s.
         """
-        found = np.zeros_like(error)
-        for name, order, own in slopes_by(channel, self.equation.terms):
+        effect = np.zeros_like(error)
+        for name, order, derivative in slopes_by(channel, self.equation.terms):
             if value := values.get(name, 0.0):
-                pull = 1.0 if order else self._once(f"slope of {name}", partial(own, self.grid.angle))
-                found = found + value * (curvature(error, self.grid.step) if order else pull * error)
-        return found
+                pull = 1.0 if order else self._once(f"slope of {name}", partial(derivative, self.grid.angle))
+                effect = effect + value * (curvature(error, self.grid.step) if order else pull * error)
+        return effect
 
     def channel(self, name: str) -> Array:
         """Angle, wheel or torque at every row of the grid; the drive must have it."""
-        found = {"angle": self.grid.angle, "wheel": self.grid.wheel, "torque": self.grid.torque}[name]
-        assert found is not None
-        return found
+        values = {"angle": self.grid.angle, "wheel": self.grid.wheel, "torque": self.grid.torque}[name]
+        assert values is not None
+        return values
 
     def column(self, name: str, *numbers: float) -> Array:
         """A column of the grid before the filter."""
@@ -232,10 +232,10 @@ class OnGrid:
     def _of_registry(self, name: str) -> Array:
         """The regressor of a term of the registry, or its derivative by its shift."""
         angle, smooth = self.grid.angle, self.column("smooth")
-        own = next(term for term in self.equation.terms.values() if name in (term.name, shifted(term.name)))
-        if own.term.is_dry:
-            return own.regressor(angle, smooth, self.column("coulomb"))
-        return smooth_columns(own, angle, smooth)[name]
+        slot = next(term for term in self.equation.terms.values() if name in (term.name, shifted(term.name)))
+        if slot.term.is_dry:
+            return slot.regressor(angle, smooth, self.column("coulomb"))
+        return smooth_columns(slot, angle, smooth)[name]
 
     def _impulses(self, weights: Array) -> Array:
         """Impulses at the reversals in the new direction, each shared by the two rows of the grid beside it (1/s)."""

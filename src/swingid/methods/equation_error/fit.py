@@ -104,8 +104,8 @@ class RowFit(WindowFit):
             chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.weights)))
             noise = self._per_sample(own)
             self.kept[key] = float(np.vdot(noise, noise)), max(seen - smeared - float(chance), 0.0)
-        found: tuple[float, float] = self.kept[key]
-        return found
+        variances: tuple[float, float] = self.kept[key]
+        return variances
 
     def variance(self, own: Array) -> float:
         """Type A variance of a combination of the unknowns."""
@@ -128,8 +128,8 @@ class RowFit(WindowFit):
                     for channel, std in zip(("angle", "wheel"), noise, strict=True)
                 ]
             )
-        found: Array = self.kept[key]
-        return found
+        contributions: Array = self.kept[key]
+        return contributions
 
     @cached_property
     def _lagged(self) -> Array:
@@ -137,23 +137,23 @@ class RowFit(WindowFit):
 
         Rows are 0 to `reach` apart.
         """
-        found, (curved, spread, both) = np.zeros(self.reach + 1), self.row_filter.correlations
-        near = min(len(curved), len(found))
+        products, (curved, spread, both) = np.zeros(self.reach + 1), self.row_filter.correlations
+        near = min(len(curved), len(products))
         pull = float(np.mean(self.part.acting("angle", np.ones_like(self.part.grid.angle), self.coefficients)))
         inertia, wheel = self.a11, self.value("wheel") * self.noise.wheel
         axis = inertia**2 * curved[:near] + pull**2 * spread[:near] + 2 * inertia * pull * both[:near]
-        found[:near] = self.noise.angle**2 * axis + wheel**2 * curved[:near]
-        return np.where(np.arange(len(found)) == 0, 1.0, 2.0) * parzen(self.reach) * found
+        products[:near] = self.noise.angle**2 * axis + wheel**2 * curved[:near]
+        return np.where(np.arange(len(products)) == 0, 1.0, 2.0) * parzen(self.reach) * products
 
     def common(self, unknown: str = "inertia") -> dict[str, float]:
         """Errors of an unknown that are common to all rows, by source."""
-        found, k = {}, self.unknowns.index(unknown)
+        errors, k = {}, self.unknowns.index(unknown)
         if self.lag == 0:
             share = abs(float(self.inverse[k, 0] / self.inverse[0, 0])) if k else 1.0
-            found["noise in the acceleration (least squares)"] = abs(self.a11) * self.bias * share
+            errors["noise in the acceleration (least squares)"] = abs(self.a11) * self.bias * share
         if self.noise.resolution > 0:
-            found["place of the encoder's grid"] = rms(self.grid_effects(unknown))
-        return found
+            errors["place of the encoder's grid"] = rms(self.grid_effects(unknown))
+        return errors
 
     @cached_property
     def attenuation(self) -> float:
@@ -219,9 +219,9 @@ class RowFit(WindowFit):
 
         That is the noise of the sensors, or the difference of the variances (Hausman 1978), which has the lack of fit.
         """
-        own, others = (one.variance(one.of("inertia")) for one in (self, other))
-        variance = max(self.variance_of_difference(other), abs(own - others))
-        return dark_uncertainty(other.a11 - self.a11, variance, float(np.sqrt(own)))
+        first, second = (fit.variance(fit.of("inertia")) for fit in (self, other))
+        variance = max(self.variance_of_difference(other), abs(first - second))
+        return dark_uncertainty(other.a11 - self.a11, variance, float(np.sqrt(first)))
 
     def variance_of_difference(self, other: RowFit) -> float:
         """Variance of the difference of a11 to another fit of the same log, from the sensors.
@@ -248,8 +248,8 @@ def noise_share(fit: RowFit, higher: RowFit) -> tuple[float, float]:
     growth = higher.row_filter.cutoff.frequency / fit.row_filter.cutoff.frequency - 1
     low, high = fit.attenuation / power, 1 - fit.attenuation * wheel / power
     high = max(min(high, (higher.scattered - fit.scattered) / (growth * power)), low)
-    own, others = (one.variance(one.of("inertia")) for one in (fit, higher))
-    variance = max(fit.variance_of_difference(higher), abs(own - others))
+    first, second = (estimate.variance(estimate.of("inertia")) for estimate in (fit, higher))
+    variance = max(fit.variance_of_difference(higher), abs(first - second))
     slope = fit.a11 * (higher.scattered - fit.scattered)
     prior = (high - low) ** 2 / 12
     weight = prior * slope**2 / max(prior * slope**2 + variance, 1e-300)

@@ -59,19 +59,19 @@ def equation_error(
     selected = estimate(on_grid, cut, None if friction == "auto" else friction, instruments=instruments)
     chosen = selected.chosen
     cause = "noise in the acceleration or friction that does not depend on the speed alone"
-    found, differs = check.compared(answer(replace(selected, conflict=check.conflict), rig), cause)
+    evaluated, differs = check.compared(answer(replace(selected, conflict=check.conflict), rig), cause)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
-    alone, motor = check.alone(found), check.motor(found.parameters["inertia"], method="this method")
-    checked = check_answer(found.parameters | {"inertia": alone}, found.budget, chosen.of_used, amplitude, rig)
+    alone, motor = check.alone(evaluated), check.motor(evaluated.parameters["inertia"], method="this method")
+    checked = check_answer(evaluated.parameters | {"inertia": alone}, evaluated.budget, chosen.of_used, amplitude, rig)
     how = _how(selected, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *motor.all_notes()]
     notes += check.notes(alone)
     warnings = [*checked.warnings, *_unlikely(selected), *motor.warnings, *differs, *check.warnings(alone)]
     options = {"friction": selected.law.name, "instruments": instruments, "cutoff": selected.cutoff.frequency}
-    found = check.widened(found)
+    evaluated = check.widened(evaluated)
     covariance = chosen.covariances("inertia", "gravity_torque") if equation.seeks("gravity_torque") else {}
     drawn = details(selected, span)
-    return prepared.result("equation-error", found, part, warnings, notes, drawn, options, covariance=covariance)
+    return prepared.result("equation-error", evaluated, part, warnings, notes, drawn, options, covariance=covariance)
 
 
 def _how(selected: Selection, *, given: bool) -> list[Message]:

@@ -94,13 +94,13 @@ def momentum(check: MomentumCheck, *, memory: str = "auto") -> Result:
     estimate = _estimate(check.evidence)
     law, signals = choice.law, choice.signals
     check_sign(law, prepared.log.source.path or "the log", live=prepared.log.is_live)
-    found = with_bias(_answer(estimate, rig, signals), law, part)
-    parameters, u = found.parameters, found.parameters["inertia"].standard_uncertainty or 0.0
+    evaluated = with_bias(_answer(estimate, rig, signals), law, part)
+    parameters, u = evaluated.parameters, evaluated.parameters["inertia"].standard_uncertainty or 0.0
     alone = max(u**2 - sum(estimate.common[source] ** 2 for source in NAMED), 0.0) ** 0.5
     amplitude = float(np.max(np.abs(signals.motion.turning_angles)))
     try:
         inertia = Parameter.of(law.inertia, alone, equation.unit)
-        checked = check_answer(parameters | {"inertia": inertia}, found.budget, law, amplitude, rig)
+        checked = check_answer(parameters | {"inertia": inertia}, evaluated.budget, law, amplitude, rig)
         warnings, notes = checked.warnings, [checked.identifiability, *checked.notes]
     except NotIdentifiableError as error:
         if not prepared.one_of_several or not equation.seeks("gravity_torque"):
@@ -110,10 +110,10 @@ def momentum(check: MomentumCheck, *, memory: str = "auto") -> Result:
     limits = {"alone": alone, "angle": alone, "timing": u, "whole": u}
     limits |= dict.fromkeys(("gravity", "balance", "place"), law.total)
     judged = Judged(parameters["inertia"].value, law.a11, limits, own=True)
-    off, assumed = messages_of(estimate.evidence, judged, [one.code for one in warnings])
+    off, assumed = messages_of(estimate.evidence, judged, [warning.code for warning in warnings])
     return prepared.result(
         "momentum",
-        replace(found, sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0])),
+        replace(evaluated, sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0])),
         part,
         [*warnings, *off, *moved.warnings, *motor.warnings],
         [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes(), *moved.notes, *assumed],
@@ -133,9 +133,9 @@ def _estimate(evidence: Evidence) -> _Estimate:
         "even": fit_rows(turning_rows, law.equation, law.noise, ("offset",)),
     }
     others = {}
-    for name, one in kinds.items():
-        if one is not None:
-            fit = with_declared(one, evidence.part.rig, signals)
+    for name, fitted in kinds.items():
+        if fitted is not None:
+            fit = with_declared(fitted, evidence.part.rig, signals)
             covariance = fit.covariance.copy()
             covariance[0, 0] += grid_spread(signals, fit, "inertia") ** 2
             covariance[0, 0] += _asymmetry(fit, law) ** 2 if name == "even" else 0.0
@@ -168,9 +168,10 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     body = [law.unknowns.index(name) for name in values]
     coefficients = friction.coefficients_by_name
     weights = parameter_weights(tuple(coefficients))
-    own = np.array(list(weights.values())).reshape(len(weights), len(coefficients))
+    combinations = np.array(list(weights.values())).reshape(len(weights), len(coefficients))
     values |= {
-        name: (value, units[name]) for name, value in zip(weights, own @ list(coefficients.values()), strict=True)
+        name: (value, units[name])
+        for name, value in zip(weights, combinations @ list(coefficients.values()), strict=True)
     }
     effects = {effect.item.source: effect for effect in law.declared}
     declared = []
@@ -178,11 +179,11 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
         if item.of.of_noise:
             continue
         shifts = effects[item.source].shifts[body] / item.std
-        of_friction = own @ friction.influence @ item.rows
+        of_friction = combinations @ friction.influence @ item.rows
         if item.of.scales_speed:
             of_friction -= [power_of(name) * values[name][0] for name in weights]
         declared.append(item.on(np.concatenate([shifts, of_friction])))
-    scattered = _scatter(law, friction, body, own, signals)
+    scattered = _scatter(law, friction, body, combinations, signals)
     least = NEGLIGIBLE * law.u
     common = [(systematic(source), "inertia", spread) for source, spread in estimate.common.items() if spread > least]
     return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)

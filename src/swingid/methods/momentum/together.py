@@ -60,9 +60,9 @@ def momentum_together(
     Raises UnanswerableError where the logs do not determine the inertia, InputError where a sign is wrong.
     """
     rig, equation, friction = prepared[0].rig, prepared[0].equation, None
-    names = names or [one.log.source.path or f"log {k + 1}" for k, one in enumerate(prepared)]
+    names = names or [entry.log.source.path or f"log {k + 1}" for k, entry in enumerate(prepared)]
     parts = _parts(prepared)
-    runs = [Run.of(*own) for own in zip(names, parts, added or [Quantity(0.0)] * len(parts), strict=True)]
+    runs = [Run.of(*triple) for triple in zip(names, parts, added or [Quantity(0.0)] * len(parts), strict=True)]
     unit = None
     if turns_freely(rig) and added is None:
         if any(len(part.motion.turning_times) >= FEWEST_TURNS for part in parts):
@@ -71,20 +71,20 @@ def momentum_together(
         equation = equation.but(**{unit: Coefficient(1.0)})
         friction = tuple(name for name in friction_of(runs) if name != unit)
     _require_scale(rig, runs, unit)
-    found = fit_together(runs, equation, friction)
-    _check(found, rig)
-    scattered, notes = _friction_between(found) if unit is None else (0.0, [])
-    evaluated = _evaluate(found, rig, scattered)
-    _require_known(found, evaluated.parameters["inertia"].standard_uncertainty or 0.0)
-    result = _result(found, prepared, evaluated, notes)
+    together = fit_together(runs, equation, friction)
+    _check(together, rig)
+    scattered, notes = _friction_between(together) if unit is None else (0.0, [])
+    evaluated = _evaluate(together, rig, scattered)
+    _require_known(together, evaluated.parameters["inertia"].standard_uncertainty or 0.0)
+    result = _result(together, prepared, evaluated, notes)
     return result if unit is None else unscaled(result, Reference(f"{FRICTION}{unit}", unit, rig), rig)
 
 
 def _parts(prepared: Sequence[Prepared]) -> list[Part]:
     """The part of each log to use; UnanswerableError where the level of an angle is unknown, as of a logged rate."""
-    if any(one.encoders.level is not None for one in prepared):
+    if any(entry.encoders.level is not None for entry in prepared):
         refuse_rates(prepared[0].rig, "a fit without turning points, or to several logs,")
-    return [part_of_run(one) for one in prepared]
+    return [part_of_run(entry) for entry in prepared]
 
 
 def part_of_run(prepared: Prepared) -> Part:
@@ -149,7 +149,7 @@ def _evaluate(found: Together, rig: Rig, between_logs: float) -> Evaluated:
     freedom[0] = law.freedom
     between = _between_ranges(law)
     pairs = zip(np.diag(law.covariance), freedom, np.diag(between), strict=True)
-    freedom = [effective_freedom(((own**0.5, f), (more**0.5, RANGES - 1))) for own, f, more in pairs]
+    freedom = [effective_freedom(((variance**0.5, f), (more**0.5, RANGES - 1))) for variance, f, more in pairs]
     scattered = Scatter("scatter of the windows and sensor noise", law.covariance + between, np.array(freedom))
     common: list[tuple[Source, str, float]] = [
         (systematic("place of the encoder's grid"), "inertia", found.grid()),
@@ -177,11 +177,11 @@ def _between_ranges(law: WindowFit) -> Array:
     for left_out in np.array_split(np.arange(count), RANGES):
         each.append(fit_linear(np.delete(law.columns, left_out, axis=0), np.delete(target, left_out)).values)
     off = np.array(each) - np.mean(each, axis=0)
-    found = (RANGES - 1) / RANGES * off.T @ off
-    own, all_of = np.diag(law.covariance), np.maximum(np.diag(found), 1e-300)
-    excess = np.maximum(shrunk(np.maximum(all_of - own, 0.0), all_of * (2 / (RANGES - 1)) ** 0.5), 0.0)
+    covariance = (RANGES - 1) / RANGES * off.T @ off
+    scattered, all_of = np.diag(law.covariance), np.maximum(np.diag(covariance), 1e-300)
+    excess = np.maximum(shrunk(np.maximum(all_of - scattered, 0.0), all_of * (2 / (RANGES - 1)) ** 0.5), 0.0)
     scale = np.sqrt(excess / all_of)
-    result: Array = found * np.outer(scale, scale)
+    result: Array = covariance * np.outer(scale, scale)
     return result
 
 
@@ -196,11 +196,11 @@ def _friction_between(found: Together) -> tuple[float, list[Message]]:
     friction = law.rows.sum_of({name: law.value(name) for name in law.friction})  # N m s or N s
     effects, columns = [], []
     for k, at in enumerate(found.places(law.half)):
-        own = np.zeros_like(friction)
-        own[at] = friction[at]
-        effects.append(-float(law.fit.influence[0] @ own))
+        column = np.zeros_like(friction)
+        column[at] = friction[at]
+        effects.append(-float(law.fit.influence[0] @ column))
         if any(other.added == runs[k].added for other in runs[:k]):
-            columns.append(own)
+            columns.append(column)
     steepest = max(abs(effect) for effect in effects) / abs(law.a11)
     text = (
         f"friction is taken as one function of the speed in all logs: 1 % more of it in one of them changes the "
@@ -219,10 +219,10 @@ def _factors(columns: Array, known: Array, extra: Sequence[Array]) -> float:
     """Standard deviation of the factors of the friction of single logs, beyond what the scatter of the rows gives."""
     fit = fit_linear(np.column_stack([columns, *extra]), known)
     spare = max(len(known) / (LAG / 2) - len(fit.values), 1.0)
-    own = float(fit.residuals @ fit.residuals) / spare * np.sum(fit.influence[-len(extra) :] ** 2, axis=1)
+    variances = float(fit.residuals @ fit.residuals) / spare * np.sum(fit.influence[-len(extra) :] ** 2, axis=1)
     factors = fit.values[-len(extra) :]
     # a factor is the difference of two logs
-    return float(np.sqrt(max(np.mean(factors**2 - own), 0.0) / 2))
+    return float(np.sqrt(max(np.mean(factors**2 - variances), 0.0) / 2))
 
 
 def _motor_notes(found: Together) -> list[Message]:
@@ -263,9 +263,9 @@ def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated,
     warnings: list[Message] = []
     seen = identifiability_of(law)
     rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
-    own = [run.part.note for run in found.runs]
+    part_notes = [run.part.note for run in found.runs]
     notes = [
-        *dict.fromkeys(own),
+        *dict.fromkeys(part_notes),
         *exact_in_row_one(rig),
         Message("identifiability", f"{rank}; {seen.combination(law.values)}, and {seen.price}."),
         *notes,
@@ -312,11 +312,11 @@ def _provenance(found: Together, prepared: Sequence[Prepared]) -> dict[str, obje
     each = [provenance(run.part.log, rig) for run in found.runs]
     preparation = [
         {
-            "corrections": [one.as_dict() for one in own.corrections],
+            "corrections": [correction.as_dict() for correction in entry.corrections],
             "part": [run.part.start, run.part.stop],
             "noise": {"angle": run.part.noise.angle, "wheel": None},
         }
-        for own, run in zip(prepared, found.runs, strict=True)
+        for entry, run in zip(prepared, found.runs, strict=True)
     ]
     if len(each) == 1:
         return each[0] | {"preparation": preparation[0]}

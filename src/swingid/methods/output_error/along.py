@@ -85,9 +85,9 @@ def read_with_slopes(
         motion_readings(nodes, begins, initial, p, places, to, weights, peaks, outputs, rates, slopes, *room)
         return outputs, rates, slopes
     for first in range(s, columns, WIDEST - s):
-        own = (to >= first) & (to < first + WIDEST - s)
+        chosen = (to >= first) & (to < first + WIDEST - s)
         part = np.zeros((r, min(columns - first + s, WIDEST)))
-        mine, at, by = places[own], to[own] - first + s, weights[own]
+        mine, at, by = places[chosen], to[chosen] - first + s, weights[chosen]
         motion_readings(nodes, begins, initial, p, mine, at, by, peaks, outputs, rates, part, *room)
         slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]
     return outputs, rates, slopes

@@ -147,7 +147,7 @@ def _kinds(searched: Searched, covariance: Array) -> dict[str, tuple[float, floa
     if problem.input == "voltage":
         pairs.append((("mostly the angle", "mostly the wheel"), ~problem.wheel))
     ratio = covariance[0, 0] / max(float(fit.influence[0] @ fit.influence[0]), 1e-300)
-    found, first = {}, np.eye(1, len(fit.values))
+    kinds, first = {}, np.eye(1, len(fit.values))
     for names, here in pairs:
         for name, other in zip(names, fit.leaning(here, LESS**2), strict=True):
             influence, shift = other.influence_on(first)[0], float(other.left[0])
@@ -156,8 +156,8 @@ def _kinds(searched: Searched, covariance: Array) -> dict[str, tuple[float, floa
             apart = influence - fit.influence[0]
             variance = float(apart @ apart) * ratio + float(prior @ prior)
             dark = dark_uncertainty(shift, variance, float(np.sqrt(covariance[0, 0])))
-            found[name] = float(fit.values[0]) + shift, float(np.sqrt(influence @ influence * ratio)), dark
-    return found
+            kinds[name] = float(fit.values[0]) + shift, float(np.sqrt(influence @ influence * ratio)), dark
+    return kinds
 
 
 def prior_conflict(estimate: Estimate) -> float:
@@ -172,7 +172,7 @@ def prior_conflict(estimate: Estimate) -> float:
     stated = [k for k, item in enumerate(unknowns.items) if item.places and not item.is_sought and item.name != SCALE]
     inverse = fit.inverse
     ratio = float(estimate.covariance[0, 0]) / max(float(fit.influence[0] @ fit.influence[0]), 1e-300)
-    u, found = math.sqrt(max(float(inverse[0, 0]), 0.0)), 0.0
+    u, conflict = math.sqrt(max(float(inverse[0, 0]), 0.0)), 0.0
     for k in stated:
         power = float(unknowns.power[k])
         share = float(inverse[k, k]) * power
@@ -181,8 +181,8 @@ def prior_conflict(estimate: Estimate) -> float:
         change = float(inverse[0, k]) * power * float(fit.values[k]) / (1 - share)
         # of the deviation without prior, then of the change, which is in proportion to it
         variance = (1 + ratio * share / (1 - share)) * (float(inverse[0, k]) * power) ** 2 / power
-        found = max(found, dark_uncertainty(change, variance, u, ways=len(stated)))
-    return found
+        conflict = max(conflict, dark_uncertainty(change, variance, u, ways=len(stated)))
+    return conflict
 
 
 def answer_of(estimate: Estimate) -> Evaluated:
@@ -190,28 +190,31 @@ def answer_of(estimate: Estimate) -> Evaluated:
     setup = estimate.setup
     weights = _sought(estimate.unknowns)
     units = units_on(linear=setup.equation.linear) | {item.name: item.unit for item in estimate.unknowns.items}
-    values = {name: (float(own @ estimate.values), units[name]) for name, own in weights.items()}
-    own = np.array(list(weights.values()))
+    values = {name: (float(row @ estimate.values), units[name]) for name, row in weights.items()}
+    combinations = np.array(list(weights.values()))
     searched, common = estimate.searched, list(_grid(estimate, weights))
-    found = {f"disagreement of readings, {name}": gap for name, (_, _, gap) in estimate.kinds.items()}
-    found |= {"choice of the friction law": searched.spread, "drift with the length of the segments": searched.drift}
-    common += [(systematic(source), "inertia", u) for source, u in found.items()]
+    disagreements = {f"disagreement of readings, {name}": gap for name, (_, _, gap) in estimate.kinds.items()}
+    disagreements |= {
+        "choice of the friction law": searched.spread,
+        "drift with the length of the segments": searched.drift,
+    }
+    common += [(systematic(source), "inertia", u) for source, u in disagreements.items()]
     conflict = max(prior_conflict(estimate), setup.check.conflict_with(math.sqrt(estimate.covariance[0, 0])))
     common.append((systematic(CONFLICT), "inertia", conflict))
-    declared = [replace(one, slopes=own @ one.slopes) for one in estimate.declared]
-    matrix = own @ estimate.covariance @ own.T
+    declared = [replace(effect, slopes=combinations @ effect.slopes) for effect in estimate.declared]
+    matrix = combinations @ estimate.covariance @ combinations.T
     unknown = [name for k, name in enumerate(values) if matrix[k, k] <= 0]
-    scattered = Scatter(SCATTER, matrix, np.full(len(own), estimate.freedom))
+    scattered = Scatter(SCATTER, matrix, np.full(len(combinations), estimate.freedom))
     relative = setup.rig.axis.model_uncertainty
     return evaluate(values, scattered, common, declared, unknown, relative)
 
 
 def _grid(estimate: Estimate, weights: dict[str, Array]) -> Iterator[tuple[Source, str, float]]:
     """Effects of the encoders' grids beyond the scatter, which contains them too, and of the unknown zero offset."""
-    for name, own in weights.items():
-        beyond = float(own @ (estimate.grid - estimate.covariance) @ own)
+    for name, row in weights.items():
+        beyond = float(row @ (estimate.grid - estimate.covariance) @ row)
         yield systematic("place of the encoder's grid"), name, math.sqrt(max(beyond, 0.0))
-        yield systematic("zero of the angle"), name, float(np.abs(own) @ estimate.zero)
+        yield systematic("zero of the angle"), name, float(np.abs(row) @ estimate.zero)
 
 
 def _sought(unknowns: Unknowns) -> dict[str, Array]:
@@ -229,14 +232,14 @@ def details_of(estimate: Estimate, extra: dict[str, float]) -> Details:
     """What the report draws; the residuals are those of the axis' angle, in rad (m). extra: more shares."""
     fit, problem, setup = estimate.searched.fit, estimate.searched.problem, estimate.setup
     kinds = {name: (value, u) for name, (value, u, _) in estimate.kinds.items()}
-    own, balance = float(np.sqrt(estimate.covariance[0, 0])), setup.check.motor_balance
+    spread, balance = float(np.sqrt(estimate.covariance[0, 0])), setup.check.motor_balance
     return Details(
         start=setup.part.start,
         stop=setup.part.stop,
         turning_times=setup.part.motion.turning_times,
         turning_angles=setup.part.motion.turning_angles,
         friction=_friction_curve(estimate),
-        estimates={"all readings": (float(estimate.values[0]), own)} | kinds,
+        estimates={"all readings": (float(estimate.values[0]), spread)} | kinds,
         residual_times=problem.times[~problem.wheel],
         residuals=(fit.residuals * problem.sigma)[~problem.wheel],
         residual_unit="m" if setup.equation.linear else "rad",
@@ -250,7 +253,7 @@ def _friction_curve(estimate: Estimate) -> FrictionCurve:
     at = dict(zip(names, estimate.values, strict=True))
     terms = tuple(name for name in names if name in FRICTION and name != "stribeck_speed")
     law = Law(searched.law, terms, np.array([at[name] for name in terms]), at.get("stribeck_speed", np.nan))
-    own = [names.index(name) for name in law.unknowns]
+    places = [names.index(name) for name in law.unknowns]
     fastest = float(np.max(np.abs(searched.fit.prediction.rates[~searched.problem.wheel])))
     speeds = curve_speeds(fastest, CURVE_KNOTS)
-    return law.curve_at(speeds, estimate.covariance[np.ix_(own, own)], searched.candidates)
+    return law.curve_at(speeds, estimate.covariance[np.ix_(places, places)], searched.candidates)

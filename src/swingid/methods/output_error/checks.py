@@ -128,8 +128,8 @@ def _require_identifiable(estimate: Estimate) -> None:
     share = (directions[:, unseen] ** 2).sum(axis=1)
     blind = [
         item.name
-        for item, own in zip(unknowns.items, share, strict=True)
-        if own > BLIND and item.is_sought and item.name not in FRICTION
+        for item, part in zip(unknowns.items, share, strict=True)
+        if part > BLIND and item.is_sought and item.name not in FRICTION
     ]
     if blind:
         raise UnanswerableError(
@@ -140,17 +140,17 @@ def _require_identifiable(estimate: Estimate) -> None:
 
 def misfit(searched: Searched) -> dict[str, tuple[float, float]]:
     """Residual (rms, rad or m) of each channel, and what noise, jitter and the input's nonlinearity explain of it."""
-    problem, fit, found = searched.problem, searched.fit, {}
-    for channel, (here, left) in _left(searched).items():
+    problem, fit, misfits = searched.problem, searched.fit, {}
+    for channel, (here, rms) in _left(searched).items():
         sensor = problem.encoders.angle if channel == "angle" else problem.encoders.wheel
         rate = float(np.sqrt(np.mean(fit.prediction.rates[here] ** 2)))
         # a nonlinearity that is no unknown, and that of the wheel as input, which enters the prediction
         key = f"sensors.{'' if channel == 'angle' else 'wheel.'}nonlinearity."
-        own = 0.0 if any(name.startswith(key) for name in searched.unknowns.names) else sensor.nonlinearity
+        nonlinearity = 0.0 if any(name.startswith(key) for name in searched.unknowns.names) else sensor.nonlinearity
         of_input = problem.encoders.wheel.nonlinearity if problem.input == "wheel" else 0.0
-        parts = (problem.sigma[here][0], own, of_input, sensor.jitter * rate)
-        found[channel] = left, float(np.sqrt(np.sum(np.square(parts))))
-    return found
+        parts = (problem.sigma[here][0], nonlinearity, of_input, sensor.jitter * rate)
+        misfits[channel] = rms, float(np.sqrt(np.sum(np.square(parts))))
+    return misfits
 
 
 def _left(searched: Searched) -> dict[str, tuple[Bools, float]]:
@@ -165,8 +165,8 @@ def _left(searched: Searched) -> dict[str, tuple[Bools, float]]:
 def left_of_channels(searched: Searched) -> dict[str, float]:
     """Residual (rms) of each channel as a share of its motion."""
     return {
-        f"{name}_left": left / max(float(np.std(searched.problem.measured[here])), 1e-300)
-        for name, (here, left) in _left(searched).items()
+        f"{name}_left": rms / max(float(np.std(searched.problem.measured[here])), 1e-300)
+        for name, (here, rms) in _left(searched).items()
     }
 
 
@@ -174,15 +174,15 @@ def is_poor(found: Searched) -> bool:
     """Return whether a residual is above what the sensors explain, or the motion diverges."""
     if not np.isfinite(found.fit.cost):
         return True
-    return max(left / expected for left, expected in misfit(found).values()) > POOR
+    return max(rms / expected for rms, expected in misfit(found).values()) > POOR
 
 
 def _excess(estimate: Estimate) -> str:
     """How far residuals are above what the sensors explain, "" where they are not."""
     shares = [
-        f"{left / expected:.3g} times for the {channel}"
-        for channel, (left, expected) in misfit(estimate.searched).items()
-        if left > POOR * expected
+        f"{rms / expected:.3g} times for the {channel}"
+        for channel, (rms, expected) in misfit(estimate.searched).items()
+        if rms > POOR * expected
     ]
     return f"the residuals are above what the sensors explain ({', '.join(shares)})" if shares else ""
 
@@ -220,7 +220,7 @@ def _inconsistent_constants(estimate: Estimate, alone: Parameter) -> tuple[list[
     A note where the inertia with them held as stated differs by what hardly matters; the budget has it as a conflict.
     alone: the inertia without that.
     """
-    found: list[str] = []
+    contradicted: list[str] = []
     off: list[int] = []
     for k, (item, value) in enumerate(zip(estimate.unknowns.items, estimate.values, strict=True)):
         if item.is_sought or item.name in (ZERO, SCALE) or abs(value) < DETECTED * item.std:
@@ -229,17 +229,17 @@ def _inconsistent_constants(estimate: Estimate, alone: Parameter) -> tuple[list[
         fitted = value + constant_value(estimate.setup.rig, item.name)[0] if item.places else value
         edge = " or beyond" if value in (item.low, item.high) else ""
         size = f"{abs(value) / item.std:.2g} standard uncertainties from it"
-        found.append(f"{item.name} of {number(fitted, item.unit)}{edge}, {size}")
-    if not found:
+        contradicted.append(f"{item.name} of {number(fitted, item.unit)}{edge}, {size}")
+    if not contradicted:
         return [], []
     inverse = estimate.searched.fit.inverse
     change = float(inverse[0, off] @ np.linalg.solve(inverse[np.ix_(off, off)], estimate.values[off]))
     text = (
-        f"the log contradicts what the rig file states: it fits with {' and '.join(found)}, which changes the inertia "
-        f"by {percent(change / alone.value, sign=True)}; correct the rig file, or check the model."
+        f"the log contradicts what the rig file states: it fits with {' and '.join(contradicted)}, which changes the "
+        f"inertia by {percent(change / alone.value, sign=True)}; correct the rig file, or check the model."
     )
-    one = [Message("constants-off", text)]
-    return (one, []) if matters(change, alone.standard_uncertainty or 0.0, alone.value) else ([], one)
+    messages = [Message("constants-off", text)]
+    return (messages, []) if matters(change, alone.standard_uncertainty or 0.0, alone.value) else ([], messages)
 
 
 def _conditioning(seen: Identifiability, unknowns: Unknowns) -> Message:

@@ -23,22 +23,22 @@ SCALE = "motor_scale"
 
 def constant_places(rig: Rig, equation: Equation) -> dict[str, Places]:
     """Places of every constant of rig.toml that acts on the motion, by its key; derivatives at the stated values."""
-    found: dict[str, Places] = {}
+    places: dict[str, Places] = {}
     if not equation.linear:
-        found["axis.gravity_torque"] = ((at.B, rig.axis.along.value),)
+        places["axis.gravity_torque"] = ((at.B, rig.axis.along.value),)
     for term, place in zip(equation.slots, slots(equation), strict=True):
         if term.value is not None:
-            found[term.term.key] = ((place + at.COEFFICIENT, 1.0),)
-            found |= {term.term.shift: ((place + at.SHIFT, 1.0),)} if term.shift.std else {}
+            places[term.term.key] = ((place + at.COEFFICIENT, 1.0),)
+            places |= {term.term.shift: ((place + at.SHIFT, 1.0),)} if term.shift.std else {}
     if "torque" in equation.coefficients:
         # a torque acts as a12 q2'' does, see `axis_motion`
-        found["log.torque_gain"] = ((at.A12, -1.0 / rig.log.torque_gain.value),)
+        places["log.torque_gain"] = ((at.A12, -1.0 / rig.log.torque_gain.value),)
     if "wheel" not in equation.coefficients or rig.drive.motor is None:
-        return found
+        return places
     motor = rig.drive.motor
     gear, rotor = motor.gear_ratio.value, motor.rotor_inertia.value
     along = 1.0 if rig.drive.wheel is None else rig.drive.wheel.along.value
-    found |= {
+    places |= {
         "drive.wheel.inertia": ((at.A11, along), (at.A12, along), (at.A22, 1.0)),
         "drive.motor.rotor_inertia": ((at.A11, along), (at.A12, along * gear), (at.A22, gear**2)),
         "drive.motor.gear_ratio": ((at.A12, along * rotor), (at.A22, 2 * gear * rotor), (at.GEAR, 1.0)),
@@ -48,7 +48,7 @@ def constant_places(rig: Rig, equation: Equation) -> dict[str, Places]:
         "drive.motor.coulomb": ((at.F3, 1.0), (at.WHEEL_STATIC, abs(gear))),
         "drive.motor.efficiency": ((at.ETA, 1.0),),
     }
-    return found
+    return places
 
 
 def tilt_places(equation: Equation) -> Places:
@@ -63,8 +63,8 @@ def slots(equation: Equation) -> list[int]:
 
 def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:
     """Value and standard uncertainty of a constant by its key."""
-    found = stated_at(rig, key)
-    return (found.value, found.std) if isinstance(found, Quantity) else (0.0, None)
+    constant = stated_at(rig, key)
+    return (constant.value, constant.std) if isinstance(constant, Quantity) else (0.0, None)
 
 
 def scaled_places(p: Array) -> Places:

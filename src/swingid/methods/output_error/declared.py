@@ -38,8 +38,8 @@ from swingid.uncertainty.budget import Declared, stated
 def declared_effects(setup: Setup, searched: Searched) -> tuple[Declared, ...]:
     """Change of the unknowns (m,) of a fit per unit of every constant of the rig and every imperfection declared."""
     influence = searched.fit.influence / searched.problem.sigma
-    channels = (one for one in of_channels(setup.rig, searched.problem.encoders) if not one.of_noise)
-    errors = (RowError(one, _error(setup, searched, one)) for one in channels)
+    channels = (error for error in of_channels(setup.rig, searched.problem.encoders) if not error.of_noise)
+    errors = (RowError(error, _error(setup, searched, error)) for error in channels)
     constants = declared_with_deviations(setup.rig, _constants(setup, searched, influence))
     return (*constants, *propagated(errors, influence))
 
@@ -49,13 +49,13 @@ def constants_found(searched: Searched, rig: Rig) -> dict[str, float]:
     pairs = zip(searched.unknowns.items, searched.fit.values, strict=True)
     moved = {item.name: float(value) for item, value in pairs if item.places and not item.is_sought}
     scale = moved.pop(SCALE, 0.0)
-    found = {key: constant_value(rig, key)[0] + value for key, value in moved.items()}
+    constants = {key: constant_value(rig, key)[0] + value for key, value in moved.items()}
     if rig.drive.motor is not None and scale:
         low, high = rig.drive.motor.dead_zone
         stated = {key: constant_value(rig, key)[0] for key in TORQUES}
         stated |= {"drive.motor.dead_zone.negative": low, "drive.motor.dead_zone.positive": high}
-        found |= {key: found.get(key, value) + scale * value for key, value in stated.items()}
-    return found
+        constants |= {key: constants.get(key, value) + scale * value for key, value in stated.items()}
+    return constants
 
 
 def _constants(setup: Setup, searched: Searched, influence: Array) -> Iterator[Declared]:
@@ -69,9 +69,9 @@ def _constants(setup: Setup, searched: Searched, influence: Array) -> Iterator[D
             yield _constant(item.name, item.std, fit.inverse[:, k] * unknowns.power[k])
     sought = {item.places for item in unknowns.items if item.places}
     places: dict[str, Places] = {
-        key: own
-        for key, own in constant_places(rig, setup.equation).items()
-        if own not in sought and is_felt(key, problem.input)
+        key: pairs
+        for key, pairs in constant_places(rig, setup.equation).items()
+        if pairs not in sought and is_felt(key, problem.input)
     }
     if "wheel" in setup.equation.coefficients:
         places[WHEEL_TILT] = tilt_places(setup.equation)

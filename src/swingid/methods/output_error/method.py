@@ -82,7 +82,7 @@ def output_error(
     options: dict[str, object] = {"input": setup.source, "law": searched.law, "loss": loss, "starts": starts}
     if setup.free:
         options["free"] = setup.free
-    found = constants_found(searched, setup.rig)
+    constants = constants_found(searched, setup.rig)
     return check.prepared.result(
         "output-error",
         answer,
@@ -91,7 +91,7 @@ def output_error(
         [setup.part.note, *notes],
         details_of(estimate, left_of_channels(searched)),
         options,
-        more={"constants_found": found} if found else {},
+        more={"constants_found": constants} if constants else {},
     )
 
 
@@ -101,17 +101,17 @@ def _best_fit(setup: Setup, law: str) -> tuple[Setup, Searched]:
     What rig.toml states with an uncertainty is estimated only where the model then explains the log: with a wrong model
     it would compensate for what the model lacks.
     """
-    found = _fit(setup, law)
-    if any(setup.uncertain) and is_poor(found):
+    searched = _fit(setup, law)
+    if any(setup.uncertain) and is_poor(searched):
         setup = replace(setup, moves=False)
-        found = _fit(setup, law)
-    if not np.isfinite(found.fit.cost):
+        searched = _fit(setup, law)
+    if not np.isfinite(searched.fit.cost):
         raise UnanswerableError(
-            f"no parameters make the model follow this log: with the friction law {found.law!r} the simulated motion "
-            f"diverges; take {setup.alternative}, or correct the rig file.",
+            f"no parameters make the model follow this log: with the friction law {searched.law!r} the simulated "
+            f"motion diverges; take {setup.alternative}, or correct the rig file.",
             code="poor-fit",
         )
-    return setup, found
+    return setup, searched
 
 
 def _fit(setup: Setup, law: str) -> Searched:
@@ -135,38 +135,38 @@ def _rough_fit(setup: Setup, law: str, *, near: bool) -> Searched:
     while True:
         problem = setup.problem(length)
         if tried:
-            found = search(problem, unknowns, values, setup.loss)
+            searched = search(problem, unknowns, values, setup.loss)
         else:
-            found = _first_search(setup, problem, unknowns, values, near=near)
-        tried.append(replace(found, law=law))
+            searched = _first_search(setup, problem, unknowns, values, near=near)
+        tried.append(replace(searched, law=law))
         # where the search does not converge the segments are far too long
-        length /= 2 if found.fit.converged else 4
-        if setup.segment is not None or not is_poor(found) or length * setup.part.log.rate < SHORTEST:
+        length /= 2 if searched.fit.converged else 4
+        if setup.segment is not None or not is_poor(searched) or length * setup.part.log.rate < SHORTEST:
             break
     if len(tried) == 1:
         return tried[0]
-    spread = np.array([type_a(setup, found) for found in tried])
+    spread = np.array([type_a(setup, searched) for searched in tried])
     best = int(np.argmin(np.where(np.isfinite(spread), spread, np.inf)))
-    found = tried[best]
+    searched = tried[best]
     drift = 0.0
     if best > 0 and np.isfinite(spread[best - 1]):
         # of the same readings, so the variance of the difference is that of the variances (Hausman 1978)
-        change = float(found.fit.values[0] - tried[best - 1].fit.values[0])
+        change = float(searched.fit.values[0] - tried[best - 1].fit.values[0])
         drift = dark_uncertainty(change, float(spread[best - 1] ** 2 - spread[best] ** 2), float(spread[best]))
-    return replace(found, drift=drift)
+    return replace(searched, drift=drift)
 
 
 def _first_search(setup: Setup, problem: Problem, unknowns: Unknowns, values: Array, *, near: bool) -> Searched:
     """A search on segments of the given length from the best of several starts."""
     begin, agreeing = best_start(problem, unknowns, values, setup.loss, setup.starts)
     for how in (True, False) if near and setup.starts > 1 else (False,):
-        found = search(problem, unknowns, begin, setup.loss, near=how)
-        found = replace(found, starts=setup.starts, agreeing=agreeing)
-        if not (unknowns.zero_bound(found.fit.values) or is_poor(found)):
-            return found
+        searched = search(problem, unknowns, begin, setup.loss, near=how)
+        searched = replace(searched, starts=setup.starts, agreeing=agreeing)
+        if not (unknowns.zero_bound(searched.fit.values) or is_poor(searched)):
+            return searched
     # a zero offset of more than a step counts where it alone makes the model explain the log
     other = search(problem, unknowns.with_zero_of(None), values, setup.loss)
-    return found if is_poor(other) else other
+    return searched if is_poor(other) else other
 
 
 def _final_fit(setup: Setup, rough: Searched, law: str) -> Searched:
@@ -180,12 +180,12 @@ def _final_fit(setup: Setup, rough: Searched, law: str) -> Searched:
     independent, names = _independent(rough), DISTINCT if law == "auto" else (law,)
     while True:
         choice = choose_law(rough, independent, setup.fastest, names)
-        found = _fit_of(setup, rough, choice)
-        fewer = len(rough.unknowns.names) - len(found.unknowns.names)
+        searched = _fit_of(setup, rough, choice)
+        fewer = len(rough.unknowns.names) - len(searched.unknowns.names)
         allowed = math.exp(max(fewer, 0) * math.log(independent) / independent)
         names = tuple(name for name in names if name != choice.law)
-        if found.fit.cost <= allowed * rough.fit.cost or not names:
-            return found
+        if searched.fit.cost <= allowed * rough.fit.cost or not names:
+            return searched
 
 
 def _fit_of(setup: Setup, rough: Searched, choice: Choice) -> Searched:
@@ -208,10 +208,10 @@ def _independent(found: Searched) -> float:
     problem, total, runs = found.problem, 0.0, np.zeros(len(SHARES))
     for first, last in zip(problem.rows[:-1], problem.rows[1:], strict=True):
         for channel in (False, True):
-            own = found.fit.residuals[first:last][problem.wheel[first:last] == channel]
-            total += float(own @ own)
+            residuals = found.fit.residuals[first:last][problem.wheel[first:last] == channel]
+            total += float(residuals @ residuals)
             for k, share in enumerate(SHARES):
-                size = max(len(own) // share, 1)
-                runs[k] += float(np.sum(own[: len(own) // size * size].reshape(-1, size).sum(axis=1) ** 2))
+                size = max(len(residuals) // share, 1)
+                runs[k] += float(np.sum(residuals[: len(residuals) // size * size].reshape(-1, size).sum(axis=1) ** 2))
     inflation = max(float(np.max(runs)) / total, 1.0) if total > 0 else 1.0
     return max(len(problem.measured) / inflation, 8.0)

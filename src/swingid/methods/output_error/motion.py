@@ -87,14 +87,14 @@ def motion_steps(
         tried, passed = 1e-3, 0.0
         begins[segment] = rows
         for k in range(bounds[segment], bounds[segment + 1]):
-            u, kick, flag, left, events, steps = inputs[k, 0], inputs[k, 1], float(flags[k]), 0.0, NONE, NONE
+            u, kick, flag, remaining, events, steps = inputs[k, 0], inputs[k, 1], float(flags[k]), 0.0, NONE, NONE
             if tail > 0:
                 work[NOW, Z] = 0.0
             for i in range(tail):
                 p[SIZE + i] = inputs[k, PLAIN + i]
             work[NOW, V2] -= p[A12] / p[A22] * kick
             if k + 1 < bounds[segment + 1]:
-                left = knots[k + 1] - knots[k]
+                remaining = knots[k + 1] - knots[k]
             mode, ended, going = (NONE, NONE, NONE), True, True
             while going:
                 if ended:
@@ -103,12 +103,12 @@ def motion_steps(
                     return -1
                 _note(nodes, rows, work, mode, u, passed, flag, kick)
                 rows, passed, flag, kick = rows + 1, 0.0, 0.0, 0.0
-                if left <= 0.0:
+                if remaining <= 0.0:
                     break
-                h, tried, ended = next_step(step, left, tried, work, mode, u, p, events, counts)
+                h, tried, ended = next_step(step, remaining, tried, work, mode, u, p, events, counts)
                 nodes[rows - 1, STEP] = h
                 nodes[rows - 1, END1], nodes[rows - 1, END2] = work[LAST, V1], work[LAST, V2]
-                left = 0.0 if not ended and h >= left else left - h
+                remaining = 0.0 if not ended and h >= remaining else remaining - h
                 steps += 1
                 for i in range(STATES):
                     work[NOW, i], work[FIRST, i] = work[NEW, i], work[LAST, i]
@@ -122,7 +122,7 @@ def motion_steps(
                 if steps > MOST_STEPS or not abs(work[NOW, V1]) + abs(work[NOW, V2]) < 1e6:
                     return 0
                 # what follows an event is noted also where no time is left
-                going = ended or left > 0.0
+                going = ended or remaining > 0.0
     begins[len(bounds) - 1] = rows
     return 1
 

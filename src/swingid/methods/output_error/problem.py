@@ -83,10 +83,10 @@ class Problem:
         """The constants as the motion takes them: with another input than the voltage the motor does nothing."""
         if self.input == "voltage":
             return p
-        own = np.append(p, np.zeros(self.inputs.shape[1] - PLAIN))
-        own[[GEAR, D1, D2]], own[WHEEL_STATIC] = 0.0, np.inf
-        own[A12] -= own[DIRECT]
-        return own
+        constants = np.append(p, np.zeros(self.inputs.shape[1] - PLAIN))
+        constants[[GEAR, D1, D2]], constants[WHEEL_STATIC] = 0.0, np.inf
+        constants[A12] -= constants[DIRECT]
+        return constants
 
     def _steps(self, p: Array, states: Array) -> Steps | None:
         """The steps of the motion; None where it diverges."""
@@ -100,10 +100,10 @@ class Problem:
         low, high = unknowns.bounds
 
         def nearest(values: Array, before: Array) -> Array:
-            found: Array = np.clip(values, low, high)
+            clipped: Array = np.clip(values, low, high)
             # the inertia, the first of the unknowns, takes no leaps
-            found[:1] = np.clip(found[:1], before[:1] * LEAP, before[:1] / LEAP)
-            return found
+            clipped[:1] = np.clip(clipped[:1], before[:1] * LEAP, before[:1] / LEAP)
+            return clipped
 
         return Shooting(
             self.measured,

@@ -158,10 +158,10 @@ def first_states(problem: Problem, unknowns: Unknowns, values: Array, loss: str)
     if most > longest // 2:
         return problem.starts
     heads = problem.part(list(range(len(problem.starts))), most)
-    found = fit_at(heads.shooting(unknowns, loss), values, heads.starts)
-    if not np.isfinite(found.cost):
+    fit = fit_at(heads.shooting(unknowns, loss), values, heads.starts)
+    if not np.isfinite(fit.cost):
         return problem.starts
-    states = problem.starts + found.reduced.states(np.zeros(len(values)))
+    states = problem.starts + fit.reduced.states(np.zeros(len(values)))
     return states if np.isfinite(states).all() else problem.starts
 
 
@@ -192,27 +192,27 @@ def choose_law(rough: Searched, independent: float, fastest: float, names: tuple
     reduced, gram = _products(rough, body, peaks)
     choice = LawChoice(gram, len(body), independent, names, names[0], peaks=peaks, origin=origin, level=BELOW)
     best, weights, trials = choice.best, choice.weights(akaike), choice.trials
-    squares = [(one.values[0] - best.values[0]) ** 2 + one.variance - best.variance for one in trials.values()]
+    squares = [(trial.values[0] - best.values[0]) ** 2 + trial.variance - best.variance for trial in trials.values()]
     spread = float(np.sqrt(max(np.array([weights[name] for name in trials]) @ np.array(squares), 0.0)))
-    found = best.law
+    law = best.law
     values = {unknowns.names[k]: float(value) for k, value in zip(body, best.values[: len(body)], strict=True)}
-    values |= dict(zip(found.unknowns, found.values.tolist(), strict=True))
-    values |= {name: float(own @ found.coefficients) for name, own in parameter_weights(found.terms).items()}
+    values |= dict(zip(law.unknowns, law.values.tolist(), strict=True))
+    values |= {name: float(row @ law.coefficients) for name, row in parameter_weights(law.terms).items()}
     if len(names) == 1:
         spread, scores = 0.0, {}
     else:
         scores = dict(sorted(choice.scores().items(), key=lambda item: item[1]))
     states = fit.states + reduced.states(np.append(best.values - origin, 0.0))
-    return Choice(found.name, values, states, scores, spread)
+    return Choice(law.name, values, states, scores, spread)
 
 
 def _terms(at: dict[str, float]) -> Array:
     """Coefficients of the terms of EXACT where those of `RICHEST`, by direction, have these values."""
-    found = {"quadratic": at["quadratic"]}
+    values = {"quadratic": at["quadratic"]}
     for name, even in (("coulomb", "offset"), ("viscous", "viscous_even")):
         up, down = at[f"{name}_positive"], at[f"{name}_negative"]
-        found |= {name: (up + down) / 2, even: (up - down) / 2}
-    return np.array([found.get(term, 0.0) for term in EXACT])
+        values |= {name: (up + down) / 2, even: (up - down) / 2}
+    return np.array([values.get(term, 0.0) for term in EXACT])
 
 
 def _products(rough: Searched, body: list[int], peaks: Array) -> tuple[Reduced, Array]:

@@ -87,7 +87,7 @@ def _segment(
     inside = drives.times[(drives.times > begin) & (drives.times < end)]
     values = np.concatenate([values[rows] for values, _, _ in channels])
     first = readings[0]
-    if all(np.array_equal(first, one) for one in readings[1:]) and np.array_equal(first[1:-1], inside):
+    if all(np.array_equal(first, other) for other in readings[1:]) and np.array_equal(first[1:-1], inside):
         count = len(readings)
         order = np.arange(count * len(first)).reshape(count, -1).T.ravel()
         wheel = np.tile([False, True][:count], len(first))

@@ -88,8 +88,8 @@ class Setup:
     @property
     def alternative(self) -> str:
         """What to try where this model does not fit the log."""
-        own = 'input="wheel", which needs no motor, or ' if self.source == "voltage" else ""
-        return f"{own}the momentum method"
+        wheel_input = 'input="wheel", which needs no motor, or ' if self.source == "voltage" else ""
+        return f"{wheel_input}the momentum method"
 
     @property
     def windows(self) -> WindowFit:
@@ -219,13 +219,13 @@ def _uncertain_readings(encoders: Encoders, source: Input, *, rotary: bool) -> d
 
     Not of the wheel's sensor where its angle is the input; not of a latency in a free decay, which has no other clock.
     """
-    found: dict[str, float | None] = {}
+    stds: dict[str, float | None] = {}
     for channel, prefix in (("angle", "sensors."), ("wheel", "sensors.wheel.")):
         if channel == "wheel" and source != "voltage":
             continue
         sensor = encoders.angle if channel == "angle" else encoders.wheel
         if rotary:
-            found |= {f"{prefix}nonlinearity.{name}": part.std for name, part in sensor.parts.items()}
+            stds |= {f"{prefix}nonlinearity.{name}": part.std for name, part in sensor.parts.items()}
         if source != "none":
-            found[f"{prefix}latency"] = sensor.lateness
-    return {key: std for key, std in found.items() if std}
+            stds[f"{prefix}latency"] = sensor.lateness
+    return {key: std for key, std in stds.items() if std}

@@ -118,8 +118,12 @@ class Unknowns:
 
     def with_zero_of(self, other: Unknowns | None) -> Unknowns:
         """The same with the zero offset as in `other`, or for None anywhere within `FARTHEST_ZERO`."""
-        found = [_zero_within(FARTHEST_ZERO)] if other is None else [one for one in other.items if one.name == ZERO]
-        items = (found[0] if found and item.name == ZERO else item for item in self.items)
+        zeros = (
+            [_zero_within(FARTHEST_ZERO)]
+            if other is None
+            else [unknown for unknown in other.items if unknown.name == ZERO]
+        )
+        items = (zeros[0] if zeros and item.name == ZERO else item for item in self.items)
         return replace(self, items=tuple(items))
 
     @cached_property

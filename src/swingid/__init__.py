@@ -1,4 +1,4 @@
-"""swingid: moment of inertia and bearing friction of a swinging body, from logged angles.
+"""swingid: moment of inertia and bearing friction of a swinging body, from logged angles or rates.
 
     import swingid as sw
     rig = sw.Rig.load("rig.toml")

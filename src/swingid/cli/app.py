@@ -63,7 +63,7 @@ def _swingid(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """Moment of inertia and bearing friction of a swinging body, from logged angles.
+    """Moment of inertia and bearing friction of a swinging body, from logged angles or rates.
 
     Exit codes: 0 fine, 2 wrong usage, 3 unusable input, 4 the data cannot answer, 5 no device, 70 a bug of swingid.
     """

@@ -72,7 +72,7 @@ def compensated(check: MomentumCheck) -> Result:
     u = found.parameters["inertia"].standard_uncertainty or 0.0
     found, differs = check.compared(found, "the power of the noise")
     alone = max(u**2 - sum(spread**2 for spread in contradicted.values()), 0.0) ** 0.5
-    limits = {"timing": u} | dict.fromkeys(("alone", "angle", "gravity", "balance", "place"), alone)
+    limits = dict.fromkeys(("timing", "whole"), u) | dict.fromkeys(("alone", "angle", "gravity", "place"), alone)
     judged = Judged(own.inertia, own.a11, limits)
     warnings, notes = messages_of(evidence, judged)
     details = Details(

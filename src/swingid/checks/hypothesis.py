@@ -129,6 +129,9 @@ class Hypothesis:
     note. unless: codes of findings before, each of which would explain this one. own: whether it is tested only for an
     inertia that is that of the balance. contradicts: whether it is a contradiction of log and rig file. entries:
     standard uncertainties of the inertia by source, of an estimate with the given type A; see `table.entries`.
+
+    Limits: "alone" is without what the sources of `table.NAMED` add, "whole" has all; "place", "angle", "gravity",
+    "timing" are those of one question; "balance" is only there with own=True.
     """
 
     check: str

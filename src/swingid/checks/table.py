@@ -122,7 +122,7 @@ def messages_of(evidence: Evidence, judged: Judged, found: Iterable[str] = ()) -
 def entries(evidence: Evidence, u: float, *, own: bool) -> dict[str, float]:
     """Standard uncertainties of the inertia by source, of an estimate whose type A is `u`; own: see `Judged`.
 
-    Of the hypotheses, and of what was found when the log was read.
+    Of the hypotheses, and of what was found when the log was read. Each source is there for every log.
     """
     found = {source: spread for one in TABLE for source, spread in one.entries(evidence, u, own).items()}
     return found | {JUMPS: jump_entry(evidence)}

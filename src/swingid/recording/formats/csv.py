@@ -98,6 +98,7 @@ def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") 
             read_options=pc.ReadOptions(
                 column_names=column_names(layout),
                 block_size=min(max(len(rows) + 1, 1 << 16), 1 << 30),  # types from all rows
+                use_threads=False,  # see `BLOCK`
             ),
             parse_options=split,
             convert_options=pc.ConvertOptions(decimal_point=layout.decimal, strings_can_be_null=True),
@@ -129,11 +130,15 @@ def _parted(rows: bytes, layout: Layout) -> bytes:
 
 
 BLOCK = 1 << 20
-"""Bytes that a thread parses at once where the columns are known to hold numbers."""
+"""Bytes that are parsed at once where the columns are known to hold numbers.
+
+By one thread: those of Arrow hold the Python source a little longer than the call, and a process that ends meanwhile,
+as after a refusal, is aborted (1 in 20 on a busy computer).
+"""
 
 
 def read_numbers(rows: bytes, layout: Layout, name: str, columns: list[str]) -> Table | None:
-    """Some columns (names without blanks around them) of lines as `read_rows`, side by side on all processors.
+    """Some columns (names without blanks around them) of lines as `read_rows`, in blocks: faster, in less memory.
 
     None where a cell of them is no plain number, which takes `read_rows`.
     """
@@ -147,7 +152,7 @@ def read_numbers(rows: bytes, layout: Layout, name: str, columns: list[str]) -> 
     try:
         table = pc.read_csv(
             pa.BufferReader(_parted(rows, layout)),
-            read_options=pc.ReadOptions(column_names=names, block_size=BLOCK),
+            read_options=pc.ReadOptions(column_names=names, block_size=BLOCK, use_threads=False),
             parse_options=split,
             convert_options=pc.ConvertOptions(
                 decimal_point=layout.decimal,

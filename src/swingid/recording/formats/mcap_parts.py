@@ -191,6 +191,7 @@ class _Messages:
             try:
                 table = pj.read_json(
                     pa.BufferReader(b"".join(self.lines)),
+                    read_options=pj.ReadOptions(use_threads=False),  # as `csv.BLOCK`
                     parse_options=pj.ParseOptions(explicit_schema=schema, unexpected_field_behavior="ignore"),
                 )
             except pa.ArrowException:

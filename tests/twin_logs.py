@@ -58,7 +58,8 @@ def logged(rig: Rig, folder, reference=None, *, duration=25.0, rate=1000.0, **op
 
 def without(log: Recording, repair: str) -> Recording:
     """The log as read with this repair switched off."""
-    return replace(log, findings=(*log.findings, *notes_of(frozenset([repair]))))
+    off = frozenset([repair])
+    return replace(log, findings=(*log.findings, *notes_of(off)), repairs_off=log.repairs_off | off)
 
 
 def result_of(rig: Rig, folder, reference=None, **options):

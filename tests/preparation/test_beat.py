@@ -13,7 +13,6 @@ import swingid as sw
 from long_cases import quick_first
 from swingid.numerics.arrays import Array
 from swingid.preparation.beat import ages, on_rows
-from swingid.recording.findings import notes_of
 
 RATE, ROWS = 1000.0, 8000
 COUNT = 2 * np.pi / 16384
@@ -73,7 +72,7 @@ def test_a_beat_at_twice_the_frequency_no_longer_looks_like_inertia(sign: int) -
     axis = COUNT * np.rint(states[:, 0, 0] / COUNT)
     log = sw.Recording(time=TIME, angle=axis, wheel_angle=wheel, voltage=volts[:, 0])
     rig = sw.Rig.from_text(bench.RIG).changed({"sensors.nonlinearity": 0})
-    found, kept = (sw.identify(one, rig) for one in (log, replace(log, findings=notes_of(frozenset(["encoders"])))))
+    found, kept = (sw.identify(one, rig) for one in (log, replace(log, repairs_off=frozenset(["encoders"]))))
     assert "wheel-polled" in [note.code for note in found.notes]
     low, high = found.inertia.interval95
     assert low < bench.INERTIA < high

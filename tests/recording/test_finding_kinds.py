@@ -12,7 +12,7 @@ from factories import clean_result, rotary_log, rotary_rig
 from swingid.calibration.encoders import EncoderCalibration, undeclared
 from swingid.errors import NotIdentifiableError, UnanswerableError
 from swingid.pooling.several import of_logs, undetermined
-from swingid.recording.findings import Finding, Kind, notes_of
+from swingid.recording.findings import Finding, Kind
 from swingid.result.provenance import add_findings
 from swingid.result.result import Message, Parameter, Result
 from swingid.units import Quantity
@@ -63,7 +63,7 @@ def test_what_was_found_counts_only_where_nothing_like_it_is_left(after: Message
 @pytest.mark.parametrize("off", [False, True])
 def test_a_latency_that_is_not_corrected_counts_in_neither_step(off: bool, monkeypatch) -> None:
     rig = rotary_rig().changed({"sensors.latency": "2 ± 0.2 ms"})
-    log = replace(rotary_log(), findings=tuple(notes_of(frozenset(["latency"] if off else []))))
+    log = replace(rotary_log(), repairs_off=frozenset(["latency"] if off else []))
     key, bend = "sensors.wheel.latency", "sensors.nonlinearity_cosine"
     steps: list[float] = []
 

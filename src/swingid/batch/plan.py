@@ -13,7 +13,7 @@ from swingid.methods.momentum.method import momentum
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.encoders import LATENCY, Encoders, is_off, moved
+from swingid.preparation.encoders import LATENCY, Encoders, moved
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.prepared import prepare
 from swingid.preparation.scale import refuse_rates, refuse_terms
@@ -67,7 +67,7 @@ def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:
     power of its width: give logs that differ as the others will. Errors as `momentum`; InputError where the correction
     of latencies is switched off for some of the logs only.
     """
-    switched_off = [is_off(log, LATENCY) for log in logs]
+    switched_off = [LATENCY in log.repairs_off for log in logs]
     if any(switched_off) and not all(switched_off):
         text = 'the correction "latency" is switched off for some of the logs; switch it off for all or for none.'
         raise InputError(text, code="not-for-batches")

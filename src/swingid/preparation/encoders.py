@@ -96,7 +96,7 @@ class Encoders:
         else:
             angle = replace(angle, delay=delay)
         declared = cls(angle, wheel)
-        return declared.on_time() if is_off(log, LATENCY) else declared
+        return declared.on_time() if LATENCY in log.repairs_off else declared
 
     def with_latency(self, channel: Channel, value: float, std: float | None) -> Encoders:
         """The same with another latency (s) of one channel."""
@@ -116,8 +116,8 @@ def corrected(log: Recording, rig: Rig) -> tuple[Recording, Encoders, tuple[Corr
     """
     encoders = Encoders.of(rig, log)
     log, late = _latencies(log, rig)
-    by_log = any(finding.repair == "calibrate" and finding.code != "repair-off" for finding in log.findings)
-    origin: Origin = "switched off" if is_off(log, REPAIR) else "found" if by_log else "stated"
+    by_log = "calibrate" not in log.repairs_off and any(finding.repair == "calibrate" for finding in log.findings)
+    origin: Origin = "switched off" if REPAIR in log.repairs_off else "found" if by_log else "stated"
     channels: list[tuple[Channel, Sensor]] = [("angle", encoders.angle)]
     if log.wheel_angle is not None:
         channels.append(("wheel", encoders.wheel))
@@ -130,11 +130,6 @@ def corrected(log: Recording, rig: Rig) -> tuple[Recording, Encoders, tuple[Corr
     return straightened(log, encoders, rotary=rig.axis.kind == "rotary"), encoders, (*late, *bent)
 
 
-def is_off(log: Recording, repair: str) -> bool:
-    """Return whether a repair of the log is switched off."""
-    return any(finding.code == "repair-off" and finding.repair == repair for finding in log.findings)
-
-
 def _latencies(log: Recording, rig: Rig) -> tuple[Recording, list[Correction]]:
     """The log with a note of the known latencies, and the decision on each. A free decay does not depend on them."""
     channels: dict[Channel, Sensor] = {"angle": rig.sensors.of("angle")}
@@ -143,7 +138,7 @@ def _latencies(log: Recording, rig: Rig) -> tuple[Recording, list[Correction]]:
     late = {name: sensor.latency for name, sensor in channels.items() if sensor.latency.value}
     if rig.drive.channel is None or not late:
         return log, []
-    off = is_off(log, LATENCY)
+    off = LATENCY in log.repairs_off
     words = {"angle": "angle", "wheel": "wheel's angle"}
     shown = " and ".join(f"{1e3 * latency.value:.4g} ms of the {words[name]}" for name, latency in late.items())
     text = f"the known latency, {shown}, was not corrected." if off else f"the known latency was corrected: {shown}."
@@ -163,7 +158,8 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
     Unchanged where none is known, where it was done before, and where the repair "encoders" is switched off. A warning
     where a large one of a rotary axis' encoder is declared without values.
     """
-    if any(finding.repair == REPAIR or finding.code == UNKNOWN for finding in log.findings):
+    done = any(finding.repair == REPAIR or finding.code == UNKNOWN for finding in log.findings)
+    if done or REPAIR in log.repairs_off:
         return log
     log = _polled(log, encoders.wheel)
     angle, wheel, sizes = log.angle, log.wheel_angle, []

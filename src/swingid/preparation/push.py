@@ -15,7 +15,7 @@ import numpy as np
 from swingid.format import number, percent
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools, Ints
-from swingid.preparation.encoders import Correction, Origin, is_off
+from swingid.preparation.encoders import Correction, Origin
 from swingid.recording.recording import CHANNELS, Finding, Recording
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def _reason_to_leave(pushes: list[Push], log: Recording) -> str:
     """Why the rows stay, as a clause after the list of pushes; empty where they are excluded."""
     unseen = max(push.unseen for push in pushes)
     lost = sum(push.stop - push.start for push in pushes)
-    if is_off(log, REPAIR):
+    if REPAIR in log.repairs_off:
         return "; these rows were used, as this repair is switched off, and bias the balance."
     if len(pushes) > MOST or lost > MOST_TIME * log.duration:
         return (

@@ -16,7 +16,7 @@ import numpy as np
 from swingid.errors import UnanswerableError
 from swingid.format import number, plus_minus
 from swingid.model.terms import rig_terms
-from swingid.preparation.encoders import Correction, is_off
+from swingid.preparation.encoders import Correction
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.segment import part_of
@@ -78,7 +78,7 @@ def centred(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction, ...]
     centre -= 2 * np.pi * round(centre / (2 * np.pi))
     if abs(centre) <= max(CERTAIN * scatter, noise.resolution, HARMLESS):
         return log, ()
-    off = is_off(log, REPAIR)
+    off = REPAIR in log.repairs_off
     kept = Correction("angle", "zero", centre, scatter, "rad", "switched off" if off else "found")
     if off:
         return log, (kept,)

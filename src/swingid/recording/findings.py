@@ -28,6 +28,9 @@ class Kind(Enum):
     ANGLE_BESIDE = auto()
 
 
+OFF = "repair-off"
+"""Code of the note on a repair that is switched off (`Recording.repairs_off`)."""
+
 JUMPS = "jumps of an angle"
 """Source in the budget of the inertia: what jumps that were found in an angle do to it."""
 
@@ -37,7 +40,7 @@ class Finding:
     """Something that was noticed in a log: a `code` for scripts, a sentence for people.
 
     A ``"warning"`` may affect the result; a ``"note"`` states what was done or assumed. `repair` names the repair
-    (a key of `REPAIRS`) that it reports, done or (code "repair-off") switched off. spans: from when to when (s) what a
+    (a key of `REPAIRS`) that it reports, done or (code `OFF`) switched off. spans: from when to when (s) what a
     warning reports happened; where that is outside of the rows that a method used, it is a note. Empty: everywhere.
     of_time: relative standard uncertainty of the time that a repair restored; of_zero: standard uncertainty (rad) of
     the zero of the angle, where the log states it. of_pivot: standard uncertainties (rad) of cosine and sine part of
@@ -106,4 +109,4 @@ def switched_off(switches: Mapping[str, bool] | None) -> frozenset[str]:
 
 def notes_of(off: frozenset[str]) -> list[Finding]:
     """A note for each repair that is switched off."""
-    return [Finding("repair-off", f"the repair {name!r} was switched off.", "note", name) for name in sorted(off)]
+    return [Finding(OFF, f"the repair {name!r} was switched off.", "note", name) for name in sorted(off)]

@@ -12,7 +12,7 @@ import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.recording.conventions import TURN, Conventions, Reading, gather
-from swingid.recording.findings import Finding, Kind, Source, notes_of, switched_off
+from swingid.recording.findings import OFF, Finding, Kind, Source, notes_of, switched_off
 from swingid.recording.formats import parquet, read_table
 from swingid.recording.formats.csv import TABLE_NEEDS, without_lines
 from swingid.recording.grid import check_grids
@@ -71,6 +71,7 @@ def contents_of(
         "drive_held": reading.held,
         "metadata": (metadata if isinstance(metadata, dict) else {}) | _device_of(table),
         "findings": tuple(reading.findings),
+        "repairs_off": reading.off | _saved_off(table),
         "source": replace(source, read=True),
     }
 
@@ -231,6 +232,12 @@ def _saved_findings(table: Table) -> tuple[Finding, ...]:
             of_pivot = (_size(pivot[0]), _size(pivot[1])) if isinstance(pivot, list) and len(pivot) == 2 else None
             found.append(Finding(code, message, entry["level"], named, None, spans, of_time, of_zero, of_pivot))
     return tuple(found)
+
+
+def _saved_off(table: Table) -> frozenset[str]:
+    """Repairs that were switched off for the log before swingid wrote this file."""
+    saved = _saved_findings(table)
+    return frozenset(finding.repair for finding in saved if finding.code == OFF and finding.repair)
 
 
 def _size(saved: object) -> float:

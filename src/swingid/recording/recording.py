@@ -63,6 +63,8 @@ class Recording:
         From when to when rows are excluded, as an external torque acted; nothing is continued across.
     selected : bool
         Whether a user chose these rows, all of which are used.
+    repairs_off : frozenset of str
+        Repairs that are switched off, also those that a method would make (`findings.REPAIRS`).
 
     Raises
     ------
@@ -97,6 +99,7 @@ class Recording:
     left_out: Array = field(default_factory=lambda: np.empty((0, 2)))
     bridge: Array | None = None
     selected: bool = False
+    repairs_off: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         for name in CHANNELS:

@@ -42,13 +42,14 @@ class Reader:
 
     needed: which of time, angle, wheel angle, drive are required; the others are ignored. Rows with NaN or infinity in
     one of them, and rows whose time does not increase, are excluded; anything that is no row, also one with more
-    numbers, raises InputError. held, findings: of the Recording that the last rows came from.
+    numbers, raises InputError. held, findings, repairs_off: of the Recording that the last rows came from.
     """
 
     needed: tuple[bool, bool, bool, bool]
     skipped: int = 0
     held: bool = True
     findings: tuple[Finding, ...] = ()
+    repairs_off: frozenset[str] = frozenset()
 
     def rows(self, samples: Iterable[object] | Recording) -> Iterator[Row]:
         """The usable rows of `samples`: tuples (t, angle, wheel_angle, voltage or torque), or Recordings, or one."""
@@ -79,7 +80,7 @@ class Reader:
             if not isinstance(sample, Recording):
                 yield sample
                 continue
-            self.held, self.findings = sample.drive_held, sample.findings
+            self.held, self.findings, self.repairs_off = sample.drive_held, sample.findings, sample.repairs_off
             drive = sample.torque if sample.voltage is None else sample.voltage
             channels = [sample.time, sample.angle, sample.wheel_angle, drive]
             yield from zip(*([None] * len(sample) if c is None else c.tolist() for c in channels), strict=True)

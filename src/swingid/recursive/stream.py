@@ -226,6 +226,7 @@ class Swings:
             torque=None if wheel else drive,
             drive_held=self.reader.held,
             findings=self.reader.findings,
+            repairs_off=self.reader.repairs_off,
         )
 
 

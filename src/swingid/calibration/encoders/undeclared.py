@@ -17,7 +17,7 @@ from swingid.calibration.encoders.method import calibrate_encoders
 from swingid.checks.latency import LATEST
 from swingid.errors import SwingidError, UnanswerableError
 from swingid.model.rig import Rig
-from swingid.preparation.encoders import LATENCY, Channel, is_off
+from swingid.preparation.encoders import LATENCY, Channel
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Message, Result
@@ -47,8 +47,9 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
     """
     before = _warnings(result)
     kinds = {warning.kind for warning in before}
-    switched_off = any(found.repair == REPAIR for log in logs for found in log.findings)
-    if not kinds & CAUSES or (Kind.GRAVITY_TORQUE in kinds and len(logs) == 1) or switched_off:
+    done = any(finding.repair == REPAIR for log in logs for finding in log.findings)
+    switched_off = any(REPAIR in log.repairs_off for log in logs)
+    if not kinds & CAUSES or (Kind.GRAVITY_TORQUE in kinds and len(logs) == 1) or done or switched_off:
         return result
     try:
         better, text = _encoders(logs, rig) if Kind.ENCODER_NONLINEARITY in kinds else _latency(rig)
@@ -75,7 +76,7 @@ def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
     Where the correction of latencies is switched off, neither step uses a stated one, and the latency between the
     channels that is estimated here enters the identification as an uncertainty about 0.
     """
-    uncorrected = any(is_off(log, LATENCY) for log in logs)
+    uncorrected = any(LATENCY in log.repairs_off for log in logs)
     found = calibrate_encoders(logs, at.with_latencies(rig, lambda q: Quantity(0.0, q.std)) if uncorrected else rig)
     better, key = found.rig, at.latency_key(rig)
     if uncorrected and key in found.determined:

@@ -223,9 +223,16 @@ def _recording(part: _Part, reading: Reading) -> Recording | SwingidError:
             check_motion(model, reading)
         source = Source(reading.name, None)
         held = reading.held and part.block == 1
-        found = tuple(reading.findings)
+        found, off = tuple(reading.findings), reading.off
         return Recording(
-            **model, drive_held=held, findings=found, source=source, averaged=part.block, metadata={}, selected=False
+            **model,
+            drive_held=held,
+            findings=found,
+            source=source,
+            averaged=part.block,
+            metadata={},
+            selected=False,
+            repairs_off=off,
         )
     except SwingidError as error:
         return error

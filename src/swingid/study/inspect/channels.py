@@ -10,6 +10,7 @@ import numpy as np
 from swingid.format import noise_of, number
 from swingid.preparation.motion import sample_noise
 from swingid.preparation.noise import EVEN, uneven_noise
+from swingid.recording.findings import OFF
 from swingid.recording.grid import is_decimal
 from swingid.recording.inspect import Check, Column, Level
 from swingid.recording.recording import Recording
@@ -167,5 +168,5 @@ def _on_reading(log: Recording) -> Iterator[Check]:
         level, remedy = USER.get(finding.code, ("note", "")) if finding.level == "warning" else ("note", "")
         if finding.code == "wheel-still" and log.wheel_angle is not None and np.ptp(log.wheel_angle) == 0:
             continue
-        own = OWN.get(finding.repair or "") if finding.code != "repair-off" else None
+        own = OWN.get(finding.repair or "") if finding.code != OFF else None
         yield Check(finding.code, "on reading", level, finding.message, remedy, own=own)

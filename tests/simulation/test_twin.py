@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swingid.control.compensator import Compensator
-from swingid.errors import InputError, UsageError
+from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 from swingid.simulation import simulate, simulate_run
@@ -147,3 +147,10 @@ def test_arguments_that_make_no_sense_are_named(rig, options, words):
 def test_a_rig_without_truth_cannot_be_simulated():
     with pytest.raises(InputError, match=r"axis\.inertia"):
         simulate(paper_rig(**{"axis.inertia": None}), duration=1.0)
+
+
+def test_a_motion_that_diverges_is_named() -> None:
+    """An acceleration of 10^308 rad/s² overflows within the first second."""
+    with pytest.raises(UnanswerableError) as caught:
+        simulate(direct_rig(), drive=np.full(201, 1e307), duration=2, rate=100)
+    assert caught.value.code == "diverged"

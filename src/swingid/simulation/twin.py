@@ -15,7 +15,7 @@ from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references.base import require_axis
 from swingid.control.references.parse import reference_for
-from swingid.errors import UsageError
+from swingid.errors import UnanswerableError, UsageError
 from swingid.model.integrator import Q1, Q2, STATES, STEP_KERNEL, V1, V2, Z
 from swingid.model.motion import ADVANCE_KERNEL, EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
@@ -129,7 +129,17 @@ class Setup:
     def recording(
         self, controller: Controller | None, times: Array, inputs: Array, log: Array, made: draws.Draws
     ) -> Recording:
-        """The rows that were not lost of a log (rows, 4), in the model's conventions; controller None: open loop."""
+        """The rows that were not lost of a log (rows, 4), in the model's conventions; controller None: open loop.
+
+        Raises UnanswerableError where the motion diverges.
+        """
+        if not np.isfinite(log).all():
+            first = times[int(np.argmin(np.isfinite(log).all(axis=1)))]
+            raise UnanswerableError(
+                f"the simulated motion diverges {first:g} s after the start; give a smaller drive or smaller gains, or "
+                f"correct the constants of rig {self.rig.name}.",
+                code="diverged",
+            )
         arguments: dict[str, object] = {
             "duration": self.duration,
             "rate": self.rate,
@@ -204,6 +214,8 @@ def simulate(
         Contradicting arguments.
     InputError
         A rig without inertia or gravity torque.
+    UnanswerableError
+        A motion that diverges.
 
     Examples
     --------

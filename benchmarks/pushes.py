@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -133,8 +134,7 @@ def found(draws: int, method: str) -> Iterator[str]:
                 for seed in range(draws):
                     log, rig, _ = pushed(seed, length, share)
                     seen += mended and bool(find_pushes(log, rig))
-                    off = sw.recording.recording.Finding("repair-off", "", "note", "push")
-                    log = log if mended else sw.recording.recording.replace(log, findings=(off,))
+                    log = log if mended else replace(log, repairs_off=frozenset(["push"]))
                     try:
                         inertia = sw.identify(log, rig, method).inertia
                     except SwingidError:

@@ -21,9 +21,8 @@ from swingid.balance.fits import WindowFit, column_noise, columns_of, covariance
 from swingid.balance.rows import rows_of
 from swingid.balance.systematics import grid_spread
 from swingid.balance.windows import law_windows
-from swingid.checks.hypothesis import Judged
 from swingid.checks.momentum import MomentumCheck
-from swingid.checks.table import entries, messages_of
+from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError
 from swingid.methods.table import METHODS, Method
 from swingid.model.terms import units_on
@@ -65,23 +64,17 @@ def compensated(check: MomentumCheck) -> Result:
     plain = fit_rows(rows_of(suited, law_windows(suited, SHORTER * law.half)), law.equation, law.noise, law.friction)
     if plain is None:
         raise UnanswerableError("the log is too short for the unknowns; record a longer one.", code="too-short")
-    own, evidence = compensated_fit(plain), check.evidence
-    contradicted = entries(evidence, own.u, own=False)
-    common = {"place of the encoder's grid": grid_spread(suited, own, "inertia")} | contradicted
+    own = compensated_fit(plain)
+    common = {"place of the encoder's grid": grid_spread(suited, own, "inertia"), CONFLICT: check.conflict}
     found = _evaluated(own, prepared, errors_of(own.rows, suited, rig, own.equation, own.coefficients), common)
-    u = found.parameters["inertia"].standard_uncertainty or 0.0
     found, differs = check.compared(found, "the power of the noise")
-    alone = max(u**2 - sum(spread**2 for spread in contradicted.values()), 0.0) ** 0.5
-    limits = dict.fromkeys(("timing", "whole"), u) | dict.fromkeys(("alone", "angle", "gravity", "place"), alone)
-    judged = Judged(own.inertia, own.a11, limits)
-    warnings, notes = messages_of(evidence, judged)
+    checked = check.tested(check.alone(found)) + differs + moved.checked
     details = Details(
         start=part.start, stop=part.stop, window=own.half, friction=choice.friction.curve,
         turning_times=signals.motion.turning_times, turning_angles=signals.motion.turning_angles,
         residual_times=own.rows.windows.centres, residuals=own.fit.residuals / (own.rows.windows.half * 32 / 35),
     )  # fmt: skip
-    warnings, notes = [*warnings, *differs, *moved.warnings], [part.note, *moved.notes, *notes]
-    return prepared.result(NAME, found, part, warnings, notes, details, found=moved.corrections)
+    return prepared.result(NAME, check.widened(found), part, checked, details, found=moved.corrections)
 
 
 def _evaluated(own: WindowFit, prepared: Prepared, errors: list, common: dict[str, float]) -> Evaluated:

@@ -74,17 +74,17 @@ def test_a_constant_that_both_share_hides_no_difference(check: MomentumCheck) ->
         for one in (parameter, off)
     )
     for one, low, high in ((same, 0.0, 0.1), (moved, 0.9, 1.1)):
-        widened, warnings = check.compared(one, "the test")
+        widened, checked = check.compared(one, "the test")
         budget = {entry.source: entry.standard_uncertainty for entry in widened.budget if entry.parameter == "inertia"}
         assert low <= budget.get(DISAGREES, 0.0) / shift <= high
-        assert not warnings  # it is within the interval, which nobody would act upon
+        assert not checked.warnings  # it is within the interval, which nobody would act upon
 
 
 def test_a_difference_that_matters_is_a_warning(check: MomentumCheck) -> None:
     found = answer(1.05 * check.result().inertia.value, 1e-3 * check.result().inertia.value)
-    widened, warnings = check.compared(found, "the test")
-    assert [one.code for one in warnings] == ["disagrees-with-momentum"]
-    assert "5.0 % more" in warnings[0].message
+    widened, checked = check.compared(found, "the test")
+    assert [one.code for one in checked.warnings] == ["disagrees-with-momentum"]
+    assert "5.0 % more" in checked.warnings[0].message
     assert overlapping(widened.parameters["inertia"], check.result().inertia) == 0.0
     assert widened.parameters["inertia"].standard_uncertainty == pytest.approx(
         0.05 * check.result().inertia.value, rel=0.1

@@ -13,7 +13,7 @@ from swingid.checks.free_decay import loss_unexplained
 from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.checks.momentum import MomentumCheck
 from swingid.checks.stability import disagreeing
-from swingid.checks.table import TABLE, messages_of
+from swingid.checks.table import TABLE, check_hypotheses
 from swingid.methods.momentum.method import momentum
 from swingid.preparation.prepared import prepare
 
@@ -97,10 +97,10 @@ def test_it_is_said_also_where_it_does_not_matter_and_widens_the_interval_smooth
     evidence = found[-1]
     (one,) = trends(evidence.law, evidence.signals)
     assert 0.95 * abs(one.off) < spreads[-1] < 0.05 * INERTIA
-    warned, noted = (messages_of(evidence, judged_of(evidence, factor)) for factor in (1.0, 100.0))
-    assert "period-disagrees" in [one.code for one in warned[0]]
-    assert "period-disagrees" in [one.code for one in noted[1]]
-    assert not noted[0]
+    warned, noted = (check_hypotheses(evidence, judged_of(evidence, factor)) for factor in (1.0, 100.0))
+    assert "period-disagrees" in [one.code for one in warned.warnings]
+    assert "period-disagrees" in [one.code for one in noted.notes]
+    assert not noted.warnings
 
 
 @pytest.mark.parametrize("friction", FRICTIONS.values(), ids=FRICTIONS)

@@ -187,9 +187,8 @@ def test_a_torque_of_the_wrong_sign_is_named():
 
 
 def test_a_decay_about_the_wrong_zero_is_refused():
-    off = (Finding("repair-off", "the repair 'zero' was switched off.", "note", "zero"),)
     with pytest.raises(UnanswerableError, match="angle_zero") as caught:
-        identify(replace(hung_at(np.pi), findings=off), free_rig())
+        identify(replace(hung_at(np.pi), repairs_off=frozenset(["zero"])), free_rig())
     assert caught.value.code == "negative-inertia"
 
 
@@ -268,8 +267,7 @@ def test_a_free_decay_is_counted_from_where_its_body_hangs(offset, method):
 @pytest.mark.parametrize("offset", [0.2, -0.1])
 def test_a_zero_that_is_off_is_told_with_what_it_costs(offset):
     # With the correction switched off nothing else in equation (I) shows it.
-    off = (Finding("repair-off", "the repair 'zero' was switched off.", "note", "zero"),)
-    log = replace(hung_at(offset), findings=off)
+    log = replace(hung_at(offset), repairs_off=frozenset(["zero"]))
     left = identify(log, free_rig())
     (warning,) = left.warnings
     assert warning.code == "zero-off"
@@ -442,7 +440,6 @@ def test_wrong_motor_constants_never_refuse_and_never_move_the_inertia(twin_log,
 
 
 def test_findings_of_the_recording_reach_the_result(twin_log):
-    from swingid.recording.recording import Finding
 
     told = (Finding("spikes", "3 spikes were dropped.", "warning"), Finding("dropouts", "2 rows are missing.", "note"))
     result = identify(replace(twin_log, findings=told), PAPER)

@@ -19,7 +19,7 @@ from swingid.model.rig import Rig
 from swingid.preparation.motion import find_motion
 from swingid.preparation.push import find_pushes, without_pushes
 from swingid.preparation.segment import longest_run
-from swingid.recording.recording import Finding, Recording
+from swingid.recording.recording import Recording
 from swingid.simulation import simulate
 from swingid.simulation.twin import simulate_run
 from twin_logs import INERTIA, given, twin
@@ -149,7 +149,7 @@ def test_momentum_uses_what_is_before_and_behind_a_push():
 
 def test_without_the_repair_the_rows_stay_and_a_warning_tells():
     log = run(pushes=[(14.7, 0.2, 0.5)])
-    off = replace(log, findings=(Finding("repair-off", "the repair 'push' was switched off.", "note", "push"),))
+    off = replace(log, repairs_off=frozenset(["push"]))
     mended, left = identify(log, GIVEN), identify(off, GIVEN)
     assert [(one["repair"], one["done"]) for one in mended.provenance["repairs"]] == [("push", True)]
     assert "from 14." in mended.provenance["repairs"][0]["what"]

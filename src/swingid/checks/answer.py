@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum, auto
 
 import numpy as np
@@ -11,7 +11,6 @@ from swingid.balance.fits import WindowFit
 from swingid.balance.identifiability import HOPELESS, Identifiability, advice, advice_on_gravity, examine, require_seen
 from swingid.balance.motor import MotorBalance, free_balance
 from swingid.balance.rows import Signals
-from swingid.checks.ran import ran
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import left, number
 from swingid.model.rig import Rig
@@ -20,6 +19,7 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.preparation.noise import Noise
 from swingid.recording.findings import Kind
+from swingid.result.checked import Checked
 from swingid.result.result import BudgetEntry, Message, Parameter
 from swingid.uncertainty.budget import combined
 from swingid.uncertainty.significance import INDICATED, MATTERS
@@ -39,6 +39,9 @@ LARGEST_SWING = 2.5
 """Amplitude in rad up to which the first correction of the free swing's frequency is used."""
 
 
+IDENTIFIABILITY, NEAR_RESONANCE = "identifiability", "near-resonance"
+"""A check and its note; a note."""
+
 COMMISSION = "the journal has the signs that [device] stated at the run: find them by swingid commission, and run again"
 """What to do about a wrong sign in the journal of a live run, which does not read [log]."""
 
@@ -55,7 +58,6 @@ def check_sign(law: WindowFit, where: str, *, live: bool = False) -> None:
 
     With the sign of the drive or of gravity reversed, the residuals are clearly smaller, or the inertia is negative.
     """
-    ran("signs")
     equation = law.equation
     key = None if equation.channel == "voltage" else equation.channel
     if key is None:
@@ -126,28 +128,17 @@ def _wrong_by_gravity_found(law: WindowFit) -> str | None:
     return "zero" if known and gravity < 0 and law.a11 > INDICATED * law.u else None
 
 
-@dataclass(frozen=True)
-class AnswerCheck:
-    """Warnings and notes of an estimate, and a note on the identifiability of the unknowns by the rows.
-
-    near_resonance: a note where the inertia is nearly proportional to the gravity torque, as it is of every free swing.
-    """
-
-    warnings: list[Message]
-    notes: list[Message]
-    identifiability: Message
-    near_resonance: Message | None
-
-
 def check_answer(
     parameters: dict[str, Parameter],
     budget: list[BudgetEntry],
     law: WindowFit,
     amplitude: float,
     rig: Rig,
-) -> AnswerCheck:
-    """Identifiability of the parameters. Raises NotIdentifiableError where the data do not determine the inertia."""
-    ran("identifiability")
+) -> Checked:
+    """Identifiability of the parameters; a note "near-resonance" where the inertia is nearly proportional to gravity.
+
+    Raises NotIdentifiableError where the data do not determine the inertia.
+    """
     inertia, equation = parameters["inertia"], law.equation
     relative = (inertia.standard_uncertainty or np.inf) / max(abs(inertia.value), 1e-300)
     seen, motion = identifiability_of(law), _main_frequency(law, amplitude)
@@ -160,20 +151,24 @@ def check_answer(
     if len(equation.sought) > 1 and scattered > 0.02 * inertia.value:
         text = f"{seen.combination(law.values)}; {advice(seen, *motion)}."
         warnings.append(Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA))
-    near_resonance, b = None, equation.value("gravity_torque")
+    b = equation.value("gravity_torque")
     if equation.driven and b:
         leverage = abs(float(law.fit.influence[0] @ law.rows["gravity_torque"]) * b) / law.a11
         if leverage > 0.8:
             gravity = rig.axis.gravity_torque
             budgeted = isinstance(gravity, Quantity) and gravity.std is not None
             text = _near_resonance(leverage, amplitude, b / law.a11, budgeted=budgeted)
-            near_resonance = Message("near-resonance", text)
-            notes.append(near_resonance)
+            notes.append(Message(NEAR_RESONANCE, text))
     if not equation.driven:
         notes.append(scale_note(rig))
+    return Checked(tuple(warnings), tuple(notes), (IDENTIFIABILITY,))
+
+
+def identifiability_note(law: WindowFit) -> Message:
+    """How well the rows determine the unknowns of a fit."""
+    seen = identifiability_of(law)
     rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
-    text = f"{rank}; {seen.combination(law.values)}, and {seen.price}."
-    return AnswerCheck(warnings, notes, Message("identifiability", text), near_resonance)
+    return Message(IDENTIFIABILITY, f"{rank}; {seen.combination(law.values)}, and {seen.price}.")
 
 
 def identifiability_of(law: WindowFit) -> Identifiability:
@@ -243,20 +238,18 @@ class Fault(Enum):
 
 
 @dataclass(frozen=True)
-class MotorCheck:
+class MotorCheck(Checked):
     """Result of the check by equation (II): the fault of wheel angle or motor with its warning, else a note.
 
     held: a message where the voltage between the rows is not as drive_held states.
     """
 
     fault: Fault | None = None
-    warnings: list[Message] = field(default_factory=list)
-    notes: list[Message] = field(default_factory=list)
-    held: list[Message] = field(default_factory=list)
+    held: tuple[Message, ...] = ()
 
-    def all_notes(self) -> list[Message]:
-        """The notes of a method that does not use the motor."""
-        return self.notes if self.fault is not None else [*self.notes, *self.held]
+    def unused(self) -> Checked:
+        """The check of a method that does not use the motor."""
+        return Checked(self.warnings, self.notes + (self.held if self.fault is None else ()), self.ran)
 
 
 def check_motor(
@@ -280,27 +273,29 @@ def check_motor(
         return without
     if balance is None:
         text = "the reading of wheel_angle is not checked: that takes a voltage and a motion that shows the difference."
-        return MotorCheck(notes=[Message("wheel-angle-reading", text)])
-    ran("motor")
+        return MotorCheck(notes=(Message("wheel-angle-reading", text),))
+    ran = ("motor",)
     if reversed_sign := wrong_sign(balance):
         remedy = voltage_remedy(signals.source[0].is_live)
         text = f"voltage seems to have {reversed_sign}; {method} does not use it, but {remedy}."
-        return MotorCheck(Fault.VOLTAGE_SIGN, [Message("voltage-sign", text)])
-    held = balance.hold_warning(harm="this inertia depends on it" if uses_motor else f"{method} does not use it")
+        return MotorCheck((Message("voltage-sign", text),), ran=ran, fault=Fault.VOLTAGE_SIGN)
+    harm = "this inertia depends on it" if uses_motor else f"{method} does not use it"
+    held = tuple(balance.hold_warning(harm=harm))
     stated, other = ("relative", "absolute") if balance.is_relative else ("absolute", "relative")
     finding = _reading(balance)
     if finding is not None:
         text = f"{finding.format(stated=stated, other=other)} ({_residuals(balance)}); " + (
             f'set wheel_angle_is = "{other}" under [log] if the sensor measures that, or check drive.motor.'
         )
-        return MotorCheck(Fault.READING, [Message("wheel-angle-reading", text)], held=held)
+        return MotorCheck((Message("wheel-angle-reading", text),), ran=ran, fault=Fault.READING, held=held)
     if balance.as_stated > BAD_MOTOR and not held:
-        return MotorCheck(Fault.CONSTANTS, [Message("motor-balance", _motor_off(balance, method, uses_motor))])
+        off = Message("motor-balance", _motor_off(balance, method, uses_motor))
+        return MotorCheck((off,), ran=ran, fault=Fault.CONSTANTS)
     rest = (
         f"; the wheel rests {balance.rests:.0%} of the time, which determines nothing" if balance.rests > 0.05 else ""
     )
     text = f"wheel_angle taken as {stated} to the pendulum ({_residuals(balance)}{rest})."
-    return MotorCheck(notes=[Message("wheel-angle-reading", text)], held=held)
+    return MotorCheck(notes=(Message("wheel-angle-reading", text),), ran=ran, held=held)
 
 
 def free_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -> MotorCheck | None:
@@ -329,7 +324,8 @@ def free_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -
         if min(free.as_stated, free.otherwise) < CLEARLY * rejected:
             prefers = taken if free.as_stated < free.otherwise else other
     if prefers == taken and sure:
-        return MotorCheck(notes=[Message("wheel-angle-reading", f"wheel_angle taken as {taken}: {found}.")])
+        note = Message("wheel-angle-reading", f"wheel_angle taken as {taken}: {found}.")
+        return MotorCheck(notes=(note,))
     if stated and not (prefers == other and sure):
         return None
     turned = inertia.value + (rig.drive.a12 if taken == "relative" else -rig.drive.a12)
@@ -339,11 +335,11 @@ def free_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -
     )
     if stated:
         text = f"wheel_angle seems to be {other}, not {taken}: {found}; the {readings}check wheel_angle_is under [log]."
-        return MotorCheck(Fault.READING, [Message("wheel-angle-reading", text)])
+        return MotorCheck((Message("wheel-angle-reading", text),), fault=Fault.READING)
     text = "wheel_angle_is is not stated under [log] and cannot be verified without voltage and motor constants: the "
     text += readings
     text += f"{found}, which makes {prefers} the likelier; state which." if prefers else "state which."
-    return MotorCheck(Fault.READING, [Message("wheel-angle-reading", text)])
+    return MotorCheck((Message("wheel-angle-reading", text),), fault=Fault.READING)
 
 
 def wrong_sign(balance: MotorBalance) -> str:

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from swingid.checks.answer import Fault, check_answer, voltage_remedy, wrong_sign
+from swingid.checks.answer import (
+    NEAR_RESONANCE,
+    Fault,
+    check_answer,
+    identifiability_note,
+    voltage_remedy,
+    wrong_sign,
+)
 from swingid.checks.momentum import MomentumCheck
-from swingid.checks.ran import ran
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import stated_at
 from swingid.preparation.motion import Motion
 from swingid.recording.recording import Recording
+from swingid.result.checked import Checked, noted, warned
 from swingid.result.provenance import exact_constants
 from swingid.result.result import Message
 from swingid.uncertainty.budget import Evaluated, Parameter
@@ -26,6 +35,9 @@ JUMPS = 0.001
 
 FEWEST_PER_SWING = 10
 """Rows per swing below which the bias of smoothed speeds is some per cent, which the interval does not contain."""
+
+SATURATION = "saturation"
+"""Name of the check of saturation."""
 
 MOTOR_KEYS = ("drive.motor.torque_per_volt", "drive.motor.efficiency", "drive.wheel.inertia", "drive.motor.gear_ratio")
 
@@ -46,11 +58,11 @@ def cause_of(equation: Equation) -> str:
 
 
 def check_energy(
-    answer: Evaluated, check: MomentumCheck, equation: Equation, motion: Motion, differs: list[Message]
-) -> tuple[list[Message], list[Message]]:
-    """Warnings and notes; raises UnanswerableError where the data do not determine the inertia.
+    answer: Evaluated, check: MomentumCheck, equation: Equation, motion: Motion, differs: Checked
+) -> Checked:
+    """The checks of an energy; raises UnanswerableError where the data do not determine the inertia.
 
-    differs: warnings of the difference to momentum's inertia.
+    differs: from momentum's inertia.
     """
     inertia, sensitivities, rig = answer.parameters["inertia"], answer.sensitivities, check.prepared.rig
     per_swing = motion.half_period / check.prepared.noise.step
@@ -67,30 +79,27 @@ def check_energy(
             code="not-identifiable",
         )
     alone = check.alone(answer)
-    warnings = check.warnings(alone)
-    notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
-    near_resonance = None
+    exact = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
+    checked = check.tested(alone) + noted(*exact)
+    near_resonance: list[Message] = []
     if check.evidence is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
-        checked = check_answer(
-            answer.parameters | {"inertia": alone}, answer.budget, check.evidence.law, amplitude, rig
-        )
-        warnings += checked.warnings + differs
-        notes += [checked.identifiability, *checked.notes]
-        near_resonance = None if differs else checked.near_resonance
+        law = check.evidence.law
+        of_answer = check_answer(answer.parameters | {"inertia": alone}, answer.budget, law, amplitude, rig)
+        checked += noted(identifiability_note(law)) + of_answer + differs
+        if not differs.warnings:
+            near_resonance = [note for note in of_answer.notes if note.code == NEAR_RESONANCE]
     motor = check.motor(inertia, uses_motor=True)
-    notes += motor.notes
-    if "wheel" in equation.coefficients:
-        text = f"{motor_sensitivities(rig, sensitivities, inertia)}; momentum needs no motor constant."
-        notes.append(Message("leans-on-the-motor", text))
-        warnings += motor.held
-        # near resonance that is the cause of the residual of (II), or the wheel rests part of the time
-        if motor.fault is Fault.CONSTANTS and near_resonance:
-            notes.remove(near_resonance)
-            warnings.append(near_resonance)
-        else:
-            warnings += motor.warnings
-    return warnings, notes
+    checked += Checked(notes=motor.notes, ran=motor.ran)
+    if "wheel" not in equation.coefficients:
+        return checked
+    text = f"{motor_sensitivities(rig, sensitivities, inertia)}; momentum needs no motor constant."
+    checked += noted(Message("leans-on-the-motor", text)) + warned(*motor.held)
+    if motor.fault is not Fault.CONSTANTS or not near_resonance:
+        return checked + warned(*motor.warnings)
+    # near resonance that is the cause of the residual of (II), or the wheel rests part of the time
+    notes = tuple(note for note in checked.notes if note not in near_resonance)
+    return replace(checked, notes=notes) + warned(*near_resonance)
 
 
 def motor_sensitivities(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> str:
@@ -104,24 +113,22 @@ def motor_sensitivities(rig: Rig, sensitivities: dict[str, float], inertia: Para
     return f"1 % more of a constant changes this inertia: {', '.join(changes)}"
 
 
-def check_saturation(used: Recording, rig: Rig, inertia: Parameter) -> tuple[list[Message], list[Message]]:
+def check_saturation(used: Recording, rig: Rig, inertia: Parameter) -> Checked:
     """A warning or a note where the voltage is mostly saturated: it is known there, but it jumps between its limits.
 
     At a jump the wheel's acceleration jumps too, which a smoothed speed does not follow. `momentum` needs no speed. A
     note where `JUMPS` of the inertia is less than its standard uncertainty.
     """
     if rig.drive.wheel is None or used.voltage is None:
-        return [], []
-    ran("saturation")
+        return Checked()
     low, high = float(used.voltage.min()), float(used.voltage.max())
     near = 1e-3 * (high - low)
     share = float(np.mean((used.voltage <= low + near) | (used.voltage >= high - near)))
     if high <= low or share < SATURATED:
-        return [], []
+        return Checked(ran=(SATURATION,))
     text = (
         f"the voltage stands at its limits in {share:.0%} of the rows and jumps between them, which smoothed speeds do "
         "not follow (some 0.1 % of the inertia); use the momentum method, or record a smaller or slower motion."
     )
-    found = [Message("voltage-saturated", text)]
     matters = JUMPS * inertia.value > (inertia.standard_uncertainty or 0.0)
-    return (found, []) if matters else ([], found)
+    return (warned if matters else noted)(Message("voltage-saturated", text), ran=SATURATION)

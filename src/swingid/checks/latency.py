@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from swingid.model.rig.sensors import Sensor
 from swingid.numerics.regression import LinearFit
 from swingid.preparation.encoders import Channel, Correction, Encoders
 from swingid.preparation.prepared import Part
+from swingid.result.checked import Checked, noted, warned
 from swingid.result.result import Message
 from swingid.uncertainty.significance import BETTER, CERTAIN, MATTERS
 
@@ -54,11 +55,10 @@ class Latency:
 
 @dataclass(frozen=True)
 class Moved:
-    """Correction of a latency found within its declared prior, with its notes and warnings."""
+    """Correction of a latency found within its declared prior, with its messages."""
 
     corrections: tuple[Correction, ...] = ()
-    notes: list[Message] = field(default_factory=list)
-    warnings: list[Message] = field(default_factory=list)
+    checked: Checked = field(default_factory=Checked)
 
 
 def with_latency(part: Part, memory: str = "auto", signals: Signals | None = None) -> tuple[Choice, Moved]:
@@ -83,7 +83,7 @@ def with_latency(part: Part, memory: str = "auto", signals: Signals | None = Non
             "the rig file states, which is within the stated uncertainty; it was corrected by that."
         )
         corrections = (Correction(channel, "latency", moved, found.u, "s", "found"),)
-        result = Moved(corrections, [Message("latency-told", text)])
+        result = Moved(corrections, noted(Message("latency-told", text)))
     if not negligible(choice, found.u, 1.0):
         text = (
             f"the log determines the latency to within {1e3 * found.u:.2g} ms only; its square, "
@@ -91,7 +91,7 @@ def with_latency(part: Part, memory: str = "auto", signals: Signals | None = Non
             "inertia, is not in the uncertainty: measure the latency, or record two motions of different frequency and "
             "calibrate it."
         )
-        result.warnings.append(Message("latency-squared", text))
+        result = replace(result, checked=result.checked + warned(Message("latency-squared", text)))
     return choice, result
 
 

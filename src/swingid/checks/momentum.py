@@ -19,12 +19,12 @@ from swingid.checks.answer import MotorCheck, check_motor, free_reading
 from swingid.checks.hypothesis import Evidence, Judged, matters
 from swingid.checks.latency import Moved
 from swingid.checks.level import chosen_at_level
-from swingid.checks.ran import ran
 from swingid.checks.stated import CONFLICT, conflict
-from swingid.checks.table import entries, messages_of
+from swingid.checks.table import check_hypotheses, entries
 from swingid.errors import UnanswerableError
 from swingid.format import percent
 from swingid.preparation.prepared import Part, Prepared
+from swingid.result.checked import Checked, warned
 from swingid.result.result import Message, Result
 from swingid.result.sources import value_of
 from swingid.uncertainty.budget import BudgetEntry, Evaluated, Parameter, combined, systematic
@@ -71,7 +71,7 @@ class MomentumCheck:
     read: Prepared
     method: Callable[..., Result]
     options: Mapping[str, object] = field(default_factory=dict)
-    judged: dict[Parameter, tuple[list[Message], list[Message]]] = field(default_factory=dict)
+    judged: dict[Parameter, Checked] = field(default_factory=dict)
 
     @cached_property
     def _balanced(self) -> Balanced | UnanswerableError:
@@ -142,8 +142,8 @@ class MomentumCheck:
         """The conflict for an estimate whose standard uncertainty is `u`, which a poorer balance must not widen."""
         return conflict(self.evidence, u) if self.evidence is not None and self.conflict else 0.0
 
-    def compared(self, found: Evaluated, cause: str) -> tuple[Evaluated, list[Message]]:
-        """Another method's answer, its inertia as uncertain as its difference to momentum's shows; warnings of that.
+    def compared(self, found: Evaluated, cause: str) -> tuple[Evaluated, Checked]:
+        """Another method's answer, its inertia as uncertain as its difference to momentum's shows; the check of that.
 
         A source that both share (a constant of the rig) acts on the difference by the difference of its shifts. cause:
         the likely one, in words.
@@ -152,30 +152,29 @@ class MomentumCheck:
         if isinstance(self.answer, UnanswerableError):
             return found, self._refused(self.answer)
         if own.standard_uncertainty is None:
-            return found, []
-        ran("momentum")
+            return found, Checked()
         other = self.answer.parameters["inertia"]
         gap = value_of(found, "inertia", _alone("own")) - value_of(self.answer, "inertia", _alone("momentum's"))
         lacking = share_of(self.answer.budget, LACK_OF_FIT)
         dark = dark_uncertainty(gap.value, gap.u**2, own.standard_uncertainty, incomplete=lacking)
         widened = found.widened(systematic(DISAGREES), "inertia", max(dark, overlapping(own, other)))
         if abs(gap.value) <= INDICATED * gap.u or not matters(gap.value, own.standard_uncertainty, other.value):
-            return widened, []
+            return widened, Checked(ran=("momentum",))
         share = own.value / other.value - 1
         apart = f"{percent(abs(share))} {'more' if share > 0 else 'less'}"
         text = (
             f"this inertia is {apart} than that of the momentum method; the likely cause is "
             f"{cause}, on which the momentum method depends less."
         )
-        return widened, [Message("disagrees-with-momentum", text)]
+        return widened, warned(Message("disagrees-with-momentum", text), ran="momentum")
 
-    def _refused(self, error: UnanswerableError) -> list[Message]:
+    def _refused(self, error: UnanswerableError) -> Checked:
         """A warning where momentum reads the motion and has no answer; a motion too short for it is no finding."""
         if self.evidence is None:
-            return []
+            return Checked()
         reason = error.message.rstrip(".")
         text = f"the momentum method, which assumes less, has no answer to compare this inertia with: {reason}."
-        return [Message("not-compared-with-momentum", text)]
+        return warned(Message("not-compared-with-momentum", text))
 
     def alone(self, found: Evaluated) -> Parameter:
         """The inertia without what is named by messages, and neither makes an estimate hopeless nor hides causes."""
@@ -185,25 +184,18 @@ class MomentumCheck:
         u = combined([one for one in found.budget if one.source not in (CONFLICT, DISAGREES)], "inertia")
         return Parameter.of(inertia.value, u, inertia.unit)
 
-    def _messages(self, inertia: Parameter) -> tuple[list[Message], list[Message]]:
+    def tested(self, inertia: Parameter) -> Checked:
+        """The hypotheses of `checks.table` for an inertia as `alone` gives it."""
         if self.evidence is None:
-            return [], []
+            return Checked()
         if inertia not in self.judged:
             law, u = self.evidence.law, inertia.standard_uncertainty or 0.0
             # what is wrong in the rig file widens the interval by its lack of fit, too, and would hide itself
             limit = min(u, max(law.total, WORTH / MATTERS * law.a11))
             whole = math.hypot(u, *self._entries(u).values())
             limits = {"alone": u, "place": u, "whole": whole} | dict.fromkeys(("angle", "gravity", "timing"), limit)
-            self.judged[inertia] = messages_of(self.evidence, Judged(inertia.value, law.a11, limits))
+            self.judged[inertia] = check_hypotheses(self.evidence, Judged(inertia.value, law.a11, limits))
         return self.judged[inertia]
-
-    def warnings(self, alone: Parameter) -> list[Message]:
-        """The contradictions of the rig file that matter for an inertia as `alone` gives it."""
-        return list(self._messages(alone)[0])
-
-    def notes(self, alone: Parameter) -> list[Message]:
-        """What this inertia assumes of torques that depend on the angle, and of what does not change."""
-        return list(self._messages(alone)[1])
 
     def widened(self, found: Evaluated) -> Evaluated:
         """Parameters and budget of the method with the uncertainty of the inertia by such torques and changes."""

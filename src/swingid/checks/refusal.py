@@ -18,7 +18,7 @@ def explained(error: UnanswerableError, check: MomentumCheck) -> UnanswerableErr
     if error.code not in UNDETERMINED or check.read.one_of_several or check.evidence is None:
         return error
     law = check.evidence.law
-    found = check.warnings(Parameter.of(law.inertia, law.total, law.equation.unit))
+    found = check.tested(Parameter.of(law.inertia, law.total, law.equation.unit)).warnings
     causes = [one.message for one in found if one.code in CONTRADICTIONS]
     return contradiction(causes[0], "is not determined") if causes else error
 

@@ -6,7 +6,7 @@ against the drive's scale, and the timing of the channels are as stated, whateve
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from swingid.balance.parts import unexplained
@@ -17,7 +17,6 @@ from swingid.checks.hypothesis import Evidence, Hypothesis, Judged
 from swingid.checks.jumps import jump_entry
 from swingid.checks.latency import channel_late
 from swingid.checks.place import PLACE, place_found, spring_not_stated, torque_computed
-from swingid.checks.ran import ran
 from swingid.checks.stability import (
     PARTS,
     disagreeing,
@@ -30,6 +29,7 @@ from swingid.checks.stability import (
 from swingid.checks.stated import CONFLICT, conflict, encoders_bent, gravity_off
 from swingid.checks.wheel import SLIP, slip_entry, wheel_slips
 from swingid.recording.findings import JUMPS, Kind
+from swingid.result.checked import Checked
 from swingid.result.result import Message
 
 ANGLE = ("zero-off", "angle-scale")
@@ -96,10 +96,11 @@ NAMED = (ZERO, SLIP, CONFLICT, PLACE, PARTS, JUMPS)
 """Sources of the budget that are named by messages, and neither make an answer hopeless nor hide its causes."""
 
 
-def messages_of(evidence: Evidence, judged: Judged, found: Iterable[str] = ()) -> tuple[list[Message], list[Message]]:
-    """Warnings and notes; found: codes of warnings before. UnanswerableError where the balance does not close."""
+def check_hypotheses(evidence: Evidence, judged: Judged, found: Iterable[str] = ()) -> Checked:
+    """The hypotheses; found: codes of warnings before. UnanswerableError where the balance does not close."""
     warnings: list[Message] = []
     notes: list[Message] = []
+    ran: list[str] = []
     seen = set(found)
     for one in TABLE:
         if seen.intersection(one.unless) or (one.own and not judged.own):
@@ -108,7 +109,7 @@ def messages_of(evidence: Evidence, judged: Judged, found: Iterable[str] = ()) -
         if findings is None:
             continue
         if one.check:
-            ran(one.check)
+            ran.append(one.check)
         for finding in findings:
             message = Message(one.code, finding.text, one.kind)
             if one.limit and judged.matters(finding.change, one.limit):
@@ -116,7 +117,7 @@ def messages_of(evidence: Evidence, judged: Judged, found: Iterable[str] = ()) -
                 seen.add(one.code)
             elif one.note:
                 notes.append(message)
-    return warnings, notes
+    return Checked(tuple(warnings), tuple(notes), tuple(ran))
 
 
 def entries(evidence: Evidence, u: float, *, own: bool) -> dict[str, float]:
@@ -161,6 +162,6 @@ CHECKS = {
 """The checks by name, in the order of a report."""
 
 
-def in_order(names: set[str]) -> tuple[str, ...]:
+def in_order(names: Collection[str]) -> tuple[str, ...]:
     """Names of checks in the order of `CHECKS`."""
     return tuple(name for name in CHECKS if name in names)

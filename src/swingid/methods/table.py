@@ -88,16 +88,13 @@ class Method:
 
 def _agreed(method: Callable[..., Result], check: MomentumCheck, **options: object) -> Result:
     """The result of a method with the names of the checks that it carried out; errors of `require_agreement`."""
-    from swingid.checks.ran import recorded
     from swingid.checks.refusal import require_agreement
     from swingid.checks.table import in_order
 
-    with recorded() as names:
-        result = method(check, **options)
-        if check.evidence is not None:
-            names.add("signs")  # by momentum
+    result = method(check, **options)
     if result.details is not None:
-        result = replace(result, details=replace(result.details, checks=in_order(names)))
+        ran = [*result.details.checks, *(["signs"] if check.evidence is not None else [])]  # by momentum
+        result = replace(result, details=replace(result.details, checks=in_order(ran)))
     return result if check.read.one_of_several else require_agreement(result)
 
 

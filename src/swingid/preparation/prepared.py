@@ -25,6 +25,7 @@ from swingid.preparation.strings import VerticalMotion
 from swingid.preparation.zero import centred
 from swingid.recording.points import pivot_of
 from swingid.recording.recording import Recording
+from swingid.result.checked import Checked
 from swingid.result.encoders import encoders_cost
 from swingid.result.provenance import add_findings, defaults_taken, provenance
 from swingid.result.result import Details, Message, Result
@@ -131,8 +132,7 @@ class Prepared:
         method: str,
         evaluated: Evaluated,
         part: Part,
-        warnings: list[Message],
-        notes: list[Message],
+        checked: Checked,
         details: Details,
         options: dict[str, object] | None = None,
         *,
@@ -145,7 +145,7 @@ class Prepared:
         found: corrections by the method; more: of its provenance; covariance: of type A, where logs share unknowns.
         """
         cost = encoders_cost(self.rig, evaluated.budget, evaluated.parameters)
-        warnings, notes = list(warnings), [*notes, *defaults_taken(self.rig), *cost]
+        warnings, notes = [*checked.warnings], [part.note, *checked.notes, *defaults_taken(self.rig), *cost]
         identified = evaluated.parameters.get("suspension_stiffness")
         kappa = None if identified is None else identified.value
         rises = VerticalMotion.of(self.rig, kappa, part.motion.turning_angles)
@@ -169,7 +169,7 @@ class Prepared:
             notes=tuple(notes),
             budget=tuple(evaluated.budget),
             provenance=provenance(self.log, self.rig, options) | {"preparation": decided} | (more or {}),
-            details=replace(details, left_out=self.log.left_out),
+            details=replace(details, left_out=self.log.left_out, checks=checked.ran),
             sensitivities=evaluated.sensitivities,
             covariance_of_fit=covariance or {},
             correlation=evaluated.correlation,

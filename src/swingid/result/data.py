@@ -129,7 +129,7 @@ class Details:
     has none. estimates: inertia and standard uncertainty by kind of window, for comparison. residual_times, residuals:
     residuals of the balance (N m or N, averaged over each window; with a residual_unit, rad or m, the angle of each
     sample). changing: what changes within the log. agreement: of its parts. checks: names of the
-    consistency checks that were carried out (`checks.ran.CHECKS`). extra: shares by the names of
+    consistency checks that were carried out (`checks.table.CHECKS`). extra: shares by the names of
     `report.words.EXTRA`, such as the relative residual of equation (II) when motor constants are known.
     """
 

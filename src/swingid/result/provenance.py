@@ -14,7 +14,7 @@ from swingid.model.rig import Rig
 from swingid.model.rig.fields import Table, stated
 from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.model.terms import further_terms, rig_terms
-from swingid.recording.findings import OFF, Kind
+from swingid.recording.findings import OFF, Kind, notes_of
 from swingid.recording.recording import Recording
 from swingid.result.encoders import encoder_defaults
 from swingid.result.result import Message
@@ -37,9 +37,9 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
         **of_rig(rig),
         "options": options or {},
         "repairs": [
-            {"repair": found.repair, "done": found.code != OFF, "what": found.message}
-            for found in log.findings
-            if found.repair is not None
+            {"repair": finding.repair, "done": finding.code != OFF, "what": finding.message}
+            for finding in dict.fromkeys((*log.findings, *notes_of(log.repairs_off)))
+            if finding.repair is not None
         ],
         "constants": constants(rig),
         "versions": versions(),

@@ -26,6 +26,7 @@ from swingid.preparation.motion import Motion
 from swingid.preparation.scale import refuse_rates, refuse_terms, require_motor
 from swingid.preparation.segment import longest_run
 from swingid.recording.recording import Recording
+from swingid.result.checked import Checked, noted, warned
 from swingid.result.result import Message, Parameter, Result
 
 FAR = 0.01
@@ -89,15 +90,14 @@ def backstepping(
     declared = effects(used, rig, equation, part.encoders, again)
     answered = answer(run, others, declared, equation, check.conflict, rig.axis.model_uncertainty)
     answered, differs = check.compared(answered, cause_of(equation))
-    warnings, notes = check_energy(answered, check, equation, motion, differs)
-    unsettled, more = _messages(run, gains, widths, answered.parameters["inertia"])
+    checked = _convergence_of(run, gains, widths, answered.parameters["inertia"])
+    checked += check_energy(answered, check, equation, motion, differs)
     answered = check.widened(answered)
-    warnings, notes = [*unsettled, *warnings], [part.note, *more, *notes]
     options: dict[str, object] = {"law": law, "velocities": velocities}
     standard = Gains(law)
     options |= {name: value for name, value in vars(gains).items() if value != getattr(standard, name)}
     drawn = details(run, others, f"{law} law", motion, check.motor_balance)
-    return prepared.result("backstepping", answered, part, warnings, notes, drawn, options)
+    return prepared.result("backstepping", answered, part, checked, drawn, options)
 
 
 def _require_gravity(rig: Rig, equation: Equation) -> None:
@@ -117,8 +117,8 @@ def _run(channels: Channels, rig: Rig, motion: Motion, gains: Gains, *, sooner: 
     return Run(inertia, viscous, settled_part(inertia))
 
 
-def _messages(run: Run, gains: Gains, widths: Widths | None, inertia: Parameter) -> tuple[list[Message], list[Message]]:
-    """Warnings and notes."""
+def _convergence_of(run: Run, gains: Gains, widths: Widths | None, inertia: Parameter) -> Checked:
+    """What was adapted, and a warning where it has not converged."""
     notes = [
         Message(
             "differs-from-paper",
@@ -131,7 +131,7 @@ def _messages(run: Run, gains: Gains, widths: Widths | None, inertia: Parameter)
     ]
     settled = run.settled
     if settled.converged and (settled.drift is not None and settled.drift < FAR * abs(settled.mean)):
-        return [], notes
+        return noted(*notes)
     text = (
         "the estimate has not converged by the end of the log: record a longer or faster motion, or choose the "
         "other law, a higher gamma2 or an alpha2 nearer to gravity_torque/inertia."
@@ -139,7 +139,7 @@ def _messages(run: Run, gains: Gains, widths: Widths | None, inertia: Parameter)
     if inertia.standard_uncertainty is None:
         reason = "the final value of an estimate that has not converged cannot be determined."
         notes += [Message(f"no-uncertainty-{name}", reason) for name in ("inertia", "viscous")]
-    return [Message("not-converged", text)], notes
+    return warned(Message("not-converged", text)) + noted(*notes)
 
 
 def _velocities(widths: Widths | None) -> str:

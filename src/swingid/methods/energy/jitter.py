@@ -17,6 +17,7 @@ from swingid.numerics.regression import fit_linear
 from swingid.preparation.motion import DIFFERENCES, sixth_differences
 from swingid.preparation.noise import EVEN, Noise
 from swingid.recording.recording import Recording
+from swingid.result.checked import Checked, noted, warned
 from swingid.result.result import Message, Parameter
 from swingid.uncertainty.significance import CERTAIN
 
@@ -40,15 +41,15 @@ class Jitter:
     spread: float
     noise: Noise
 
-    def words(self, inertia: Parameter, measured: float) -> tuple[list[Message], list[Message]]:
+    def words(self, inertia: Parameter, measured: float) -> Checked:
         """A warning where work over the measured turn gives another inertia, else a note that the rows jitter."""
         low, high = inertia.interval95 or (-np.inf, np.inf)
         text = f"the sampling instants have a jitter of {1e3 * self.spread:.2g} ms (noise that grows with the speed); "
         text += "the work was computed over the smoothed turn of the drive"
         if low <= measured <= high:
-            return [], [Message("jitter", f"{text}.")]
+            return noted(Message("jitter", f"{text}."))
         text += f", over the measured one the inertia would be {measured:.5g} {inertia.unit}; read both encoders at "
-        return [Message("jitter-matters", f"{text}even instants, or use the momentum method.")], []
+        return warned(Message("jitter-matters", f"{text}even instants, or use the momentum method."))
 
 
 def find_jitter(log: Recording, noise: Noise) -> Jitter:

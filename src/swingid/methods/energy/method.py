@@ -41,6 +41,7 @@ from swingid.model.equation import Equation
 from swingid.numerics.arrays import Array
 from swingid.preparation.prepared import Part
 from swingid.preparation.scale import require_motor
+from swingid.result.checked import noted, warned
 from swingid.result.result import Message, Result
 from swingid.uncertainty.significance import INDICATED
 
@@ -89,31 +90,25 @@ def energy(
     common = {("inertia", CONFLICT): check.conflict} | ({} if symmetry is None else symmetry.entry())
     answer, differs = check.compared(energy_answer(estimate.beside(common), rig), cause_of(equation))
     inertia = answer.parameters["inertia"]
-    unknown = inertia.standard_uncertainty is None
-    warnings, notes = check_energy(answer, check, equation, part.motion, differs)
+    checked = warned(*more) + noted(*estimate.notes)
     if jitter.spread > 0 and not how.chain.observers:
         other = _estimate(part, equation, how, jittery=False)
-        jittery, jitter_notes = jitter.words(inertia, other.fit.inertia)
-        more += jittery
-        notes += jitter_notes
+        checked += jitter.words(inertia, other.fit.inertia)
     if variant == "better":
-        saturated, saturated_notes = check_saturation(part.log, rig, inertia)
-        more += saturated
-        notes += saturated_notes
-    notes += check.notes(check.alone(answer))
+        checked += check_saturation(part.log, rig, inertia)
+    checked += check_energy(answer, check, equation, part.motion, differs)
     answer = check.widened(answer)
-    warnings, notes = [*more, *warnings], [part.note, *estimate.notes, *notes]
-    if unknown:
+    if inertia.standard_uncertainty is None:
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; leave nodes out."
-        notes.append(Message("no-uncertainty-inertia", text))
+        checked += noted(Message("no-uncertainty-inertia", text))
     extra = {}
     if symmetry is not None:
         extra["symmetry_bound"] = symmetry.bound
-        notes.append(symmetry.note(inertia.value))
+        checked += noted(symmetry.note(inertia.value))
     if check.motor_balance is not None:
         extra["motor_balance_residual"] = check.motor_balance.as_stated
     details = replace(energy_details(estimate, part), extra=extra)
-    return prepared.result("energy", answer, part, warnings, notes, details, how.options())
+    return prepared.result("energy", answer, part, checked, details, how.options())
 
 
 @dataclass(frozen=True)

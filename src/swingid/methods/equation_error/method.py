@@ -15,13 +15,14 @@ import numpy as np
 
 from swingid.balance.friction_laws import law_terms
 from swingid.balance.rows import Signals
-from swingid.checks.answer import check_answer
+from swingid.checks.answer import check_answer, identifiability_note
 from swingid.checks.momentum import MomentumCheck
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.answer import answer, details
 from swingid.methods.equation_error.cutoff import choose_cutoff
 from swingid.methods.equation_error.estimate import Selection, estimate
 from swingid.methods.equation_error.filtered import OnGrid
+from swingid.result.checked import noted, warned
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Message, Result
 
@@ -63,15 +64,13 @@ def equation_error(
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
     alone, motor = check.alone(evaluated), check.motor(evaluated.parameters["inertia"], method="this method")
     checked = check_answer(evaluated.parameters | {"inertia": alone}, evaluated.budget, chosen.of_used, amplitude, rig)
-    how = _how(selected, given=friction != "auto")
-    notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *motor.all_notes()]
-    notes += check.notes(alone)
-    warnings = [*checked.warnings, *_unlikely(selected), *motor.warnings, *differs, *check.warnings(alone)]
+    how = noted(*_how(selected, given=friction != "auto"), *exact_in_row_one(rig), identifiability_note(chosen.of_used))
+    checked = how + checked + warned(*_unlikely(selected)) + motor.unused() + differs + check.tested(alone)
     options = {"friction": selected.law.name, "instruments": instruments, "cutoff": selected.cutoff.frequency}
     evaluated = check.widened(evaluated)
     covariance = chosen.covariances("inertia", "gravity_torque") if equation.seeks("gravity_torque") else {}
     drawn = details(selected, span)
-    return prepared.result("equation-error", evaluated, part, warnings, notes, drawn, options, covariance=covariance)
+    return prepared.result("equation-error", evaluated, part, checked, drawn, options, covariance=covariance)
 
 
 def _how(selected: Selection, *, given: bool) -> list[Message]:

@@ -29,12 +29,12 @@ from swingid.balance.systematics import (
     timing_spread,
 )
 from swingid.balance.windows import even_windows, swing_windows
-from swingid.checks.answer import check_answer, check_sign
+from swingid.checks.answer import IDENTIFIABILITY, check_answer, check_sign, identifiability_note
 from swingid.checks.free_decay import loss_unexplained
 from swingid.checks.hypothesis import Evidence, Judged
 from swingid.checks.momentum import MomentumCheck
 from swingid.checks.stability import agreement
-from swingid.checks.table import NAMED, entries, messages_of
+from swingid.checks.table import NAMED, check_hypotheses, entries
 from swingid.errors import NotIdentifiableError, UnanswerableError, UsageError
 from swingid.methods.momentum.together import momentum_together
 from swingid.model.rig import Rig
@@ -42,6 +42,7 @@ from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.recording.findings import Kind
+from swingid.result.checked import noted, warned
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Details, Message, Result, SwingSeries
 from swingid.uncertainty.budget import Evaluated, Parameter, Scatter, evaluate, joined, systematic
@@ -101,22 +102,21 @@ def momentum(check: MomentumCheck, *, memory: str = "auto") -> Result:
     try:
         inertia = Parameter.of(law.inertia, alone, equation.unit)
         checked = check_answer(parameters | {"inertia": inertia}, evaluated.budget, law, amplitude, rig)
-        warnings, notes = checked.warnings, [checked.identifiability, *checked.notes]
+        checked = noted(identifiability_note(law)) + checked
     except NotIdentifiableError as error:
         if not prepared.one_of_several or not equation.seeks("gravity_torque"):
             raise
-        warnings, notes = [Message(error.code, error.message, Kind.NOT_IDENTIFIABLE)], []
+        checked = warned(Message(error.code, error.message, Kind.NOT_IDENTIFIABLE), ran=IDENTIFIABILITY)
     balance, motor = check.motor_balance, check.motor(parameters["inertia"])
     limits = {"alone": alone, "angle": alone, "timing": u, "whole": u}
     limits |= dict.fromkeys(("gravity", "balance", "place"), law.total)
     judged = Judged(parameters["inertia"].value, law.a11, limits, own=True)
-    off, assumed = messages_of(estimate.evidence, judged, [warning.code for warning in warnings])
+    checked += check_hypotheses(estimate.evidence, judged, [warning.code for warning in checked.warnings])
     return prepared.result(
         "momentum",
         replace(evaluated, sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0])),
         part,
-        [*warnings, *off, *moved.warnings, *motor.warnings],
-        [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes(), *moved.notes, *assumed],
+        noted(*exact_in_row_one(rig)) + checked + moved.checked + motor.unused(),
         _details(estimate, None if balance is None else balance.as_stated),
         {} if memory == "auto" else {"memory": memory},
         found=moved.corrections,

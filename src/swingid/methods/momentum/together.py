@@ -17,7 +17,7 @@ from swingid.balance.fits import LAG, WindowFit
 from swingid.balance.identifiability import HOPELESS, require_seen
 from swingid.balance.systematics import drift_with_length
 from swingid.balance.together import Run, Together, fit_together, friction_of, unit_of_friction
-from swingid.checks.answer import check_sign, identifiability_of
+from swingid.checks.answer import check_sign, identifiability_note, identifiability_of
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import number, percent
 from swingid.methods.unscaled import unscaled
@@ -261,13 +261,11 @@ def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated,
     """The result with its messages and provenance."""
     law, rig = found.law, prepared[0].rig
     warnings: list[Message] = []
-    seen = identifiability_of(law)
-    rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
     part_notes = [run.part.note for run in found.runs]
     notes = [
         *dict.fromkeys(part_notes),
         *exact_in_row_one(rig),
-        Message("identifiability", f"{rank}; {seen.combination(law.values)}, and {seen.price}."),
+        identifiability_note(law),
         *notes,
         *_motor_notes(found),
         *defaults_taken(rig),
@@ -300,6 +298,7 @@ def _details(found: Together) -> Details:
         window=law.half,
         residual_times=run.rows(law.half).windows.centres,
         residuals=law.fit.residuals / (law.rows.windows.half * 32 / 35),
+        checks=("signs",),
         left_out=run.part.log.left_out,
     )
 

@@ -18,6 +18,7 @@ from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.unknowns import FRICTION, ZERO, Unknowns
 from swingid.numerics.arrays import Bools
+from swingid.result.checked import Checked, noted, warned
 from swingid.result.provenance import exact_constants
 from swingid.result.result import Message
 from swingid.uncertainty.budget import Evaluated, Parameter
@@ -47,12 +48,10 @@ UNSEEN = 1e-11
 """Share of the information matrix' largest power below which a direction is rounding, if no prior determines it."""
 
 
-def check_fit(
-    answer: Evaluated, estimate: Estimate, differs: list[Message] | None
-) -> tuple[list[Message], list[Message]]:
-    """Warnings and notes; raises UnanswerableError where the data do not determine an unknown.
+def check_fit(answer: Evaluated, estimate: Estimate, differs: Checked | None) -> Checked:
+    """The checks of a fit; raises UnanswerableError where the data do not determine an unknown.
 
-    differs: warnings of the difference to momentum's inertia, None where it is not compared.
+    differs: from momentum's inertia, None where it is not compared.
     """
     setup, unknowns, check = estimate.setup, estimate.unknowns, estimate.setup.check
     parameters, sensitivities = answer.parameters, answer.sensitivities
@@ -73,36 +72,29 @@ def check_fit(
             f"{seen.scaled_to(spread).combination(values)}; {advice(seen)}, or leave fewer constants free.",
             code="not-identifiable",
         )
-    warnings, assumed = _inconsistent_constants(estimate, alone)
-    warnings += _not_converged(estimate)
     exact = exact_constants([key for key in setup.rig.constants_without_uncertainty() if key in sensitivities])
-    notes = [*assumed, *exact]
+    checked = warned(*motor.held) if under_voltage else Checked()
+    checked += _inconsistent_constants(estimate, alone) + warned(*_not_converged(estimate)) + noted(*exact)
     if check.evidence is not None:
         amplitude = float(np.max(np.abs(setup.part.motion.turning_angles), initial=0.0))
         scattered = parameters | {"inertia": Parameter.of(inertia.value, spread, inertia.unit)}
-        checked = check_answer(scattered, answer.budget, check.evidence.law, amplitude, setup.rig)
-        warnings += checked.warnings
-        notes += checked.notes
+        checked += check_answer(scattered, answer.budget, check.evidence.law, amplitude, setup.rig)
     # the covariance contains the lack of fit, and the momentum balance shows what that does to the inertia; it does
     # not test the motor's equation (II)
-    poor = _poor_fit(setup, excess)
     coarse = high - low > 2 * COARSE * inertia.value
-    if under_voltage or differs is None or differs or coarse or inertia.degrees_of_freedom <= FEW:
-        warnings += poor
-        poor = []
-    warnings += differs or []
-    notes += [*poor, _conditioning(seen, unknowns), _search_note(estimate), *_zero_note(estimate)]
-    warnings += check.warnings(alone)
-    notes += motor.notes
-    warnings, notes = (motor.held + warnings, notes) if under_voltage else (warnings, notes + motor.held)
+    untested = under_voltage or differs is None or bool(differs.warnings)
+    matters = untested or coarse or inertia.degrees_of_freedom <= FEW
+    checked += (warned if matters else noted)(*_poor_fit(setup, excess)) + (differs or Checked())
+    checked += noted(_conditioning(seen, unknowns), _search_note(estimate), *_zero_note(estimate))
+    checked += check.tested(alone) + Checked(notes=motor.notes, ran=motor.ran)
     # constants that do not fit show in the residuals, or the motor is not used; another reading of the wheel too
     fits = under_voltage and not excess
     if motor.fault is not Fault.CONSTANTS and not (fits and motor.fault is Fault.READING):
-        warnings += motor.warnings
-    if under_voltage:
-        text = f"simulated with the held voltage: {motor_sensitivities(setup.rig, sensitivities, inertia)}"
-        notes.append(Message("leans-on-the-motor", f'{text}; input="wheel" needs no motor constant.'))
-    return warnings, notes
+        checked += warned(*motor.warnings)
+    if not under_voltage:
+        return checked + noted(*motor.held)
+    text = f"simulated with the held voltage: {motor_sensitivities(setup.rig, sensitivities, inertia)}"
+    return checked + noted(Message("leans-on-the-motor", f'{text}; input="wheel" needs no motor constant.'))
 
 
 def _too_poor(u: float, inertia: float, excess: str, motor: MotorCheck, setup: Setup) -> UnanswerableError:
@@ -214,7 +206,7 @@ def _not_converged(estimate: Estimate) -> list[Message]:
     return [Message("not-converged", text)]
 
 
-def _inconsistent_constants(estimate: Estimate, alone: Parameter) -> tuple[list[Message], list[Message]]:
+def _inconsistent_constants(estimate: Estimate, alone: Parameter) -> Checked:
     """A warning, or a note, where the estimate of constants or sensors contradicts what rig.toml states of them.
 
     A note where the inertia with them held as stated differs by what hardly matters; the budget has it as a conflict.
@@ -231,15 +223,15 @@ def _inconsistent_constants(estimate: Estimate, alone: Parameter) -> tuple[list[
         size = f"{abs(value) / item.std:.2g} standard uncertainties from it"
         contradicted.append(f"{item.name} of {number(fitted, item.unit)}{edge}, {size}")
     if not contradicted:
-        return [], []
+        return Checked()
     inverse = estimate.searched.fit.inverse
     change = float(inverse[0, off] @ np.linalg.solve(inverse[np.ix_(off, off)], estimate.values[off]))
     text = (
         f"the log contradicts what the rig file states: it fits with {' and '.join(contradicted)}, which changes the "
         f"inertia by {percent(change / alone.value, sign=True)}; correct the rig file, or check the model."
     )
-    messages = [Message("constants-off", text)]
-    return (messages, []) if matters(change, alone.standard_uncertainty or 0.0, alone.value) else ([], messages)
+    weighs = matters(change, alone.standard_uncertainty or 0.0, alone.value)
+    return (warned if weighs else noted)(Message("constants-off", text))
 
 
 def _conditioning(seen: Identifiability, unknowns: Unknowns) -> Message:

@@ -76,8 +76,7 @@ def output_error(
     if check.evidence is not None and not estimate.robust:  # outliers have their whole weight in momentum
         cause = "wrong motor constants" if setup.source == "voltage" else "friction that is not of this law"
         answer, differs = check.compared(answer, cause)
-    warnings, notes = check_fit(answer, estimate, differs)
-    notes += check.notes(check.alone(answer))
+    checked = check_fit(answer, estimate, differs)
     answer = check.widened(answer)
     options: dict[str, object] = {"input": setup.source, "law": searched.law, "loss": loss, "starts": starts}
     if setup.free:
@@ -87,8 +86,7 @@ def output_error(
         "output-error",
         answer,
         setup.part,
-        warnings,
-        [setup.part.note, *notes],
+        checked,
         details_of(estimate, left_of_channels(searched)),
         options,
         more={"constants_found": constants} if constants else {},

@@ -119,6 +119,8 @@ def _rates() -> list[Recipe]:
     wheel = {
         "log.angle": None,
         "log.angle_speed": "gz",
+        "sensors.nonlinearity": None,
+        "sensors.wheel": {"nonlinearity": 0},
         "sensors.angle_speed": {"noise": "0.05 deg/s", "bias": "0 ± 0.5 deg/s"},
     }
     made: tuple[tuple[str, Tree, dict[str, Any], dict[str, Any]], ...] = (

@@ -74,7 +74,7 @@ def compensated(check: MomentumCheck) -> Result:
         turning_times=signals.motion.turning_times, turning_angles=signals.motion.turning_angles,
         residual_times=own.rows.windows.centres, residuals=own.fit.residuals / (own.rows.windows.half * 32 / 35),
     )  # fmt: skip
-    return prepared.result(NAME, check.widened(found), part, checked, details, found=moved.corrections)
+    return prepared.result(NAME, check.widened(found), part, checked, details, corrections=moved.corrections)
 
 
 def _evaluated(own: WindowFit, prepared: Prepared, errors: list, common: dict[str, float]) -> Evaluated:

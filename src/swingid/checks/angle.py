@@ -82,37 +82,37 @@ def scale_off(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     law, signals = evidence.law, evidence.signals
     if signals.linear or not law.value("gravity_torque"):
         return None
-    searched = ((fit, *one) for fit in evidence.tried if (one := search_scale(fit, signals)) is not None)
-    every = sorted(searched, key=lambda one: one[2] / one[1])
-    sharpest, found = next(((fit, at) for fit, s, u in every if (at := scale_at(fit, signals, s, u))), (law, None))
-    if found is None:
+    searched = ((fit, *pair) for fit in evidence.tried if (pair := search_scale(fit, signals)) is not None)
+    every = sorted(searched, key=lambda of_fit: of_fit[2] / of_fit[1])
+    sharpest, scale = next(((fit, at) for fit, s, u in every if (at := scale_at(fit, signals, s, u))), (law, None))
+    if scale is None:
         return None
-    if not judged.matters(found.a11 - law.a11, "angle"):
+    if not judged.matters(scale.a11 - law.a11, "angle"):
         return []
     for fit, s, u in every:
-        off = (s - 1) * np.sign(found.value - 1)
+        off = (s - 1) * np.sign(scale.value - 1)
         within = off <= (CERTAIN if fit is sharpest else DETECTED) * u
-        if within and u / s < AS_SHARP * found.relative and scale_at(fit, signals, s, u) is not None:
+        if within and u / s < AS_SHARP * scale.relative and scale_at(fit, signals, s, u) is not None:
             return []
-    if found.left > CLEARLY * found.plain:  # friction that no term describes leaves 0.55 and more (foreign logs)
+    if scale.left > CLEARLY * scale.plain:  # friction that no term describes leaves 0.55 and more (foreign logs)
         return []
-    if any(AS_GOOD * _rms(one.more.fit) < found.left for one in place_fits(sharpest, signals)):
+    if any(AS_GOOD * _rms(torque.more.fit) < scale.left for torque in place_fits(sharpest, signals)):
         return []
     text = (
-        f"gravity has the shape of the sine of {plus_minus(found.value, found.u)} times the angle as read"
-        f"{_likely(found)}, with which "
-        f"the residuals of the balance fall to {percent(found.left / found.plain)} and the inertia would be "
-        f"{number(found.a11 - law.equation.carried, law.equation.unit)}: angle_unit under [log], "
+        f"gravity has the shape of the sine of {plus_minus(scale.value, scale.u)} times the angle as read"
+        f"{_likely(scale)}, with which "
+        f"the residuals of the balance fall to {percent(scale.left / scale.plain)} and the inertia would be "
+        f"{number(scale.a11 - law.equation.carried, law.equation.unit)}: angle_unit under [log], "
         "sensors.counts_per_turn or a gear between axis and encoder is wrong, or a torque that depends on the angle, "
         "as of a cable, a spring or magnets, has this shape; correct the one, or state the other."
     )
-    return [Finding(found.a11 - law.a11, text)]
+    return [Finding(scale.a11 - law.a11, text)]
 
 
-def _likely(found: AngleScale) -> str:
+def _likely(scale: AngleScale) -> str:
     """Clause on the usual mistake that gives this scale; empty where none does."""
-    off = {one: abs(found.value - one) / found.u for one in USUAL}
-    nearest = min(off, key=lambda one: off[one])
+    off = {factor: abs(scale.value - factor) / scale.u for factor in USUAL}
+    nearest = min(off, key=lambda factor: off[factor])
     return f" ({USUAL[nearest]})" if off[nearest] < INDICATED else ""
 
 
@@ -133,9 +133,9 @@ def scale_at(fit: WindowFit, signals: Signals, s: float, spread: float) -> Angle
     """What follows from a scale s; None where it does not reduce the residuals."""
     sine = fit.rows["gravity_torque"] if s == 1.0 else _integrals(fit, signals, np.sin(s * signals.angle))[0]
     plain = _rms(_scaled(fit, fit.rows["gravity_torque"], 1.0))
-    left, stated = _rms(_scaled(fit, sine, s)), _scaled(fit, sine, s, equation=fit.equation)
+    as_found, stated = _rms(_scaled(fit, sine, s)), _scaled(fit, sine, s, equation=fit.equation)
     a11 = float(stated.values[0]) / (s if _is_driven(fit) else 1.0)
-    return AngleScale(s, spread, a11, left, plain) if left <= plain else None
+    return AngleScale(s, spread, a11, as_found, plain) if as_found <= plain else None
 
 
 def _step(fit: WindowFit, signals: Signals, s: float) -> tuple[float, float]:
@@ -146,14 +146,17 @@ def _step(fit: WindowFit, signals: Signals, s: float) -> tuple[float, float]:
         angle = signals.angle
         sine, slope = _integrals(fit, signals, np.sin(s * angle), angle * np.cos(s * angle))
     solved = _scaled(fit, sine, s, slope if _is_driven(fit) else slope / s - sine / s**2)
-    own, b = solved.influence[-1], fit.value("gravity_torque")
+    influence, b = solved.influence[-1], fit.value("gravity_torque")
     if _is_driven(fit):  # of the fit without the slope (Kaufman 1975), for far from s both mix
-        b = float(solved.values[1] - (solved.influence[1] @ own) / max(own @ own, 1e-300) * solved.values[-1])
+        b = float(
+            solved.values[1]
+            - (solved.influence[1] @ influence) / max(influence @ influence, 1e-300) * solved.values[-1]
+        )
     if b <= 0:
         return np.nan, np.nan
     # at least by noise of the sensors: residuals may be smaller, as of a log that is prescribed
-    sensor, _ = sensor_variance(fit.rows, own, fit.coefficients | {"gravity_torque": b}, fit.noise)
-    data = LinearFit(solved.values, solved.residuals, own[None], solved.condition)
+    sensor, _ = sensor_variance(fit.rows, influence, fit.coefficients | {"gravity_torque": b}, fit.noise)
+    data = LinearFit(solved.values, solved.residuals, influence[None], solved.condition)
     spread = float(np.sqrt(max(float(data.covariance(LAG)[0, 0]), sensor)))
     return float(solved.values[-1]) / b, spread / b
 
@@ -187,7 +190,7 @@ def _refitted(
 def _integrals(fit: WindowFit, signals: Signals, *functions: Array) -> Array:
     """∫φ f of functions at the nodes, (functions, windows)."""
     windows = fit.rows.windows
-    return project(signals.nodes, [(one, 0) for one in functions], windows.centres, windows.half).T
+    return project(signals.nodes, [(function, 0) for function in functions], windows.centres, windows.half).T
 
 
 def _rms(fit: LinearFit) -> float:
@@ -225,22 +228,22 @@ def zero_off(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     law, signals = evidence.law, evidence.signals
     if not law.equation.value("gravity_torque") or signals.linear:
         return None
-    found, unless = _offset(law, signals), ""
-    if not (found.certain and judged.matters(found.a11 - law.a11, "angle")):
-        found = _offset(law, signals, without="viscous_even")
-        if not found.certain or found.left > AS_GOOD * float(law.fit.residuals @ law.fit.residuals):
+    zero, unless = _offset(law, signals), ""
+    if not (zero.certain and judged.matters(zero.a11 - law.a11, "angle")):
+        zero = _offset(law, signals, without="viscous_even")
+        if not zero.certain or zero.left > AS_GOOD * float(law.fit.residuals @ law.fit.residuals):
             return []
         unless = ", unless it is friction that depends on the direction, which is not distinguishable in this motion"
     centre = None if _is_driven(law) else centre_of(signals.motion.turning_angles)
-    if centre is not None and abs(found.value - centre[0]) > INDICATED * np.hypot(found.spread, centre[1]):
+    if centre is not None and abs(zero.value - centre[0]) > INDICATED * np.hypot(zero.spread, centre[1]):
         return []
-    effect = percent((found.a11 - law.a11) / law.inertia, sign=True)
-    offset = plus_minus(found.value, found.spread, "rad")
+    effect = percent((zero.a11 - law.a11) / law.inertia, sign=True)
+    offset = plus_minus(zero.value, zero.spread, "rad")
     text = (
         f"0 of the angle seems to lie {offset} beside the hanging position{unless}; "
-        f"the correction changes the inertia by {effect}, so subtract {number(found.value, 'rad')} from the angle."
+        f"the correction changes the inertia by {effect}, so subtract {number(zero.value, 'rad')} from the angle."
     )
-    return [Finding(found.a11 - law.a11, text)]
+    return [Finding(zero.a11 - law.a11, text)]
 
 
 def zero_entry(evidence: Evidence, u: float) -> float:
@@ -253,9 +256,9 @@ def zero_entry(evidence: Evidence, u: float) -> float:
     law, signals = evidence.law, evidence.signals
     if not law.equation.value("gravity_torque") or signals.linear or not _is_driven(law):
         return 0.0
-    found, other = _offset(law, signals), _offset(law, signals, without="viscous_even")
+    plain, other = _offset(law, signals), _offset(law, signals, without="viscous_even")
     as_good = other.left <= AS_GOOD * float(law.fit.residuals @ law.fit.residuals)
-    return max(one.unexplained(law.a11, u) for one in ((found, other) if as_good else (found,)))
+    return max(offset.unexplained(law.a11, u) for offset in ((plain, other) if as_good else (plain,)))
 
 
 def _offset(law: WindowFit, signals: Signals, without: str = "") -> _Offset:
@@ -265,8 +268,8 @@ def _offset(law: WindowFit, signals: Signals, without: str = "") -> _Offset:
     """
     key = f"offset without {without}"
     if key in law.kept:
-        found: _Offset = law.kept[key]
-        return found
+        kept: _Offset = law.kept[key]
+        return kept
     friction = tuple(name for name in law.friction if name != without)
     sine, cosine, b = law.rows["gravity_torque"], shape_columns(law, signals)[COSINE][:, 0], law.value("gravity_torque")
     offset, spread = 0.0, 0.0

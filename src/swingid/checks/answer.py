@@ -80,17 +80,17 @@ def check_sign(law: WindowFit, where: str, *, live: bool = False) -> None:
         raise InputError(f"{where}: {key} has the wrong sign against the angle; {COMMISSION}", code="wrong-sign")
     sign = f"set {key}_sign = -1 under [log], or angle_sign = -1 where it is the angle's that is wrong"
     zero = 'angle_zero = "up" where 0 is the top'
-    found = f"(the inertia would be {law.a11:.3g} {equation.unit})"
+    inertia = f"(the inertia would be {law.a11:.3g} {equation.unit})"
     raise InputError(
         f"{where}: "
         + {
-            "drive": f"{key} has the wrong sign against the angle {found}; {sign} (+1 if it is -1 already).",
-            "zero": f"gravity pulls the wrong way, so 0 of the angle seems to be the top {found}; set angle_zero = "
+            "drive": f"{key} has the wrong sign against the angle {inertia}; {sign} (+1 if it is -1 already).",
+            "zero": f"gravity pulls the wrong way, so 0 of the angle seems to be the top {inertia}; set angle_zero = "
             '"up" under [log] ("down" if it is "up" already).',
-            "both": f"{key} has the wrong sign against the angle and gravity pulls the wrong way {found}; {sign}, and "
-            f"{zero}.",
-            "either": f"{key} has the wrong sign against the angle, or the angle's zero is wrong {found}; {sign}, or "
-            f"{zero}.",
+            "both": f"{key} has the wrong sign against the angle and gravity pulls the wrong way {inertia}; {sign}, "
+            f"and {zero}.",
+            "either": f"{key} has the wrong sign against the angle, or the angle's zero is wrong {inertia}; {sign}, "
+            f"or {zero}.",
         }[culprit],
         code="wrong-sign",
     )
@@ -313,9 +313,9 @@ def free_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -
     stated = "wheel_angle_is" in rig.log.model_fields_set
     taken, other = ("relative", "absolute") if rig.log.wheel_angle_is == "relative" else ("absolute", "relative")
     free = free_balance(rig, signals, noise)
-    found, prefers, sure = "", "", False
+    residuals, prefers, sure = "", "", False
     if free is not None:
-        found = (
+        residuals = (
             "the residual of the motor's balance with its constants fitted is "
             f"{left(free.as_stated)} if it is {taken} and {left(free.otherwise)} if it is {other}"
         )
@@ -324,7 +324,7 @@ def free_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -
         if min(free.as_stated, free.otherwise) < CLEARLY * rejected:
             prefers = taken if free.as_stated < free.otherwise else other
     if prefers == taken and sure:
-        note = Message("wheel-angle-reading", f"wheel_angle taken as {taken}: {found}.")
+        note = Message("wheel-angle-reading", f"wheel_angle taken as {taken}: {residuals}.")
         return MotorCheck(notes=(note,))
     if stated and not (prefers == other and sure):
         return None
@@ -334,11 +334,12 @@ def free_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -
         f"{'stated' if stated else 'assumed'}, and {number(turned, inertia.unit)} if it is {other}; "
     )
     if stated:
-        text = f"wheel_angle seems to be {other}, not {taken}: {found}; the {readings}check wheel_angle_is under [log]."
+        text = f"wheel_angle seems to be {other}, not {taken}: {residuals}; the {readings}"
+        text += "check wheel_angle_is under [log]."
         return MotorCheck((Message("wheel-angle-reading", text),), fault=Fault.READING)
     text = "wheel_angle_is is not stated under [log] and cannot be verified without voltage and motor constants: the "
     text += readings
-    text += f"{found}, which makes {prefers} the likelier; state which." if prefers else "state which."
+    text += f"{residuals}, which makes {prefers} the likelier; state which." if prefers else "state which."
     return MotorCheck((Message("wheel-angle-reading", text),), fault=Fault.READING)
 
 
@@ -379,9 +380,9 @@ def _reading(balance: MotorBalance) -> str | None:
 
 
 def _residuals(balance: MotorBalance) -> str:
-    own, other = left(balance.as_stated), left(balance.otherwise)
-    text = f"the residual of the motor's balance is {own} with it and {other} with the other reading"
+    stated, other = left(balance.as_stated), left(balance.otherwise)
+    text = f"the residual of the motor's balance is {stated} with it and {other} with the other reading"
     if balance.refitted is None or balance.refitted_otherwise is None:
         return text
-    own, other = left(balance.refitted), left(balance.refitted_otherwise)
-    return f"{text}, {own} and {other} with the motor's strength and friction fitted"
+    stated, other = left(balance.refitted), left(balance.refitted_otherwise)
+    return f"{text}, {stated} and {other} with the motor's strength and friction fitted"

@@ -28,9 +28,9 @@ def share_left(law: WindowFit) -> float:
     noise, half = law.noise, law.rows.windows.half
     power = (law.a11 * noise.angle) ** 2 + (law.equation.value("wheel") * noise.wheel) ** 2
     expected = power * noise.step * CURVATURE_POWER * float(np.mean(half**-3.0))
-    left = max(float(np.mean(law.fit.residuals**2)) - expected, 0.0)
+    excess = max(float(np.mean(law.fit.residuals**2)) - expected, 0.0)
     terms = (law.a11 * law.rows["inertia"], law.value("gravity_torque") * law.rows["gravity_torque"])
-    return float(np.sqrt(left)) / max(*(float(np.std(term)) for term in terms), 1e-300)
+    return float(np.sqrt(excess)) / max(*(float(np.std(term)) for term in terms), 1e-300)
 
 
 def balance_open(evidence: Evidence, judged: Judged) -> list[Finding]:
@@ -38,14 +38,14 @@ def balance_open(evidence: Evidence, judged: Judged) -> list[Finding]:
 
     Raises UnanswerableError where it leaves more than `OPEN`.
     """
-    left = share_left(evidence.law)
-    if left <= CLOSES:
+    share = share_left(evidence.law)
+    if share <= CLOSES:
         return []
     text = (
-        f"inertia, gravity, drive and friction leave {percent(left)} of the larger of their terms: a torque acts that "
+        f"inertia, gravity, drive and friction leave {percent(share)} of the larger of their terms: a torque acts that "
         "the rig file does not have, or a column is not what [log] states; correct the column, sign, unit or constant "
         "(inspect tests each)."
     )
-    if left > OPEN:
+    if share > OPEN:
         raise UnanswerableError(text, code="balance-open")
     return [Finding(math.inf, text)]

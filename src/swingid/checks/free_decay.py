@@ -22,5 +22,5 @@ def loss_unexplained(evidence: Evidence) -> float | None:
     power = evidence.choice.friction.torque(speed) * speed
     work = np.interp(motion.turning_times, instants, np.cumsum(power * weights))
     lost = potential[:-2] - potential[2:]
-    left = lost - (work[2:] - work[:-2])
-    return float(np.sqrt(np.mean(left**2) / np.mean(lost**2)))
+    unexplained = lost - (work[2:] - work[:-2])
+    return float(np.sqrt(np.mean(unexplained**2) / np.mean(lost**2)))

@@ -64,7 +64,7 @@ class Evidence:
     def slow(self) -> list[tuple[SlowEffect, Changing]]:
         """Slow changes that were found: their effects on the inertia, and each over time."""
         effects = slow_effects(self.law, self.signals, self.choice.slow)
-        return [(one, change_over_time(self.law, self.signals, one.kind)) for one in effects]
+        return [(effect, change_over_time(self.law, self.signals, effect.kind)) for effect in effects]
 
     @cached_property
     def _divided(self) -> WindowFit:

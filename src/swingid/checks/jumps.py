@@ -18,18 +18,20 @@ def jump_entry(evidence: Evidence) -> float:
     """
     log, signals = evidence.part.log, evidence.signals
     start, stop = evidence.part.start, evidence.part.stop
-    reported = [at for one in log.findings if one.source == JUMPS for at, _ in one.spans if start <= at <= stop]
+    reported = [
+        at for finding in log.findings if finding.source == JUMPS for at, _ in finding.spans if start <= at <= stop
+    ]
     if not reported:
         return 0.0
     weights = angle_weights(signals, [evidence.law])[0]
     stamps, steps = signals.nodes.flat
-    found: list[float] = []
+    instants: list[float] = []
     effects: list[float] = []
     for angle, weight in zip((log.angle, log.wheel_angle), weights, strict=True):
         for row, size in find_jumps(log.time, angle) if angle is not None else ():
             after = stamps >= log.time[row]
-            found.append(float(log.time[row]))
+            instants.append(float(log.time[row]))
             effects.append(size * max(abs(float((weight * steps)[side].sum())) for side in (after, ~after)))
     near = evidence.part.noise.step
-    every = all(any(abs(at - own) <= near for own in found) for at in reported)
+    every = all(any(abs(at - instant) <= near for instant in instants) for at in reported)
     return math.hypot(*effects) if every else 0.0

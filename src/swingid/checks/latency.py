@@ -75,19 +75,20 @@ def with_latency(part: Part, memory: str = "auto", signals: Signals | None = Non
     def negligible(choice: Choice, late: float, share: float) -> bool:
         return _second_order(choice.signals, late) < share * choice.law.total / abs(choice.law.a11)
 
-    choice, found, moved = _corrected(choice, part, memory, lambda now, late: negligible(now, late, SMALL))
+    choice, latency, moved = _corrected(choice, part, memory, lambda now, late: negligible(now, late, SMALL))
     result, (channel, name, _) = Moved(), late_channel(part.encoders, part.rig)
     if moved:
         text = (
-            f"by the balance, {name} is read {plus_minus(1e3 * (moved + found.value), 1e3 * found.u, 'ms')} later than "
-            "the rig file states, which is within the stated uncertainty; it was corrected by that."
+            f"by the balance, {name} is read "
+            f"{plus_minus(1e3 * (moved + latency.value), 1e3 * latency.u, 'ms')} later than the rig file states, "
+            "which is within the stated uncertainty; it was corrected by that."
         )
-        corrections = (Correction(channel, "latency", moved, found.u, "s", "found"),)
+        corrections = (Correction(channel, "latency", moved, latency.u, "s", "found"),)
         result = Moved(corrections, noted(Message("latency-told", text)))
-    if not negligible(choice, found.u, 1.0):
+    if not negligible(choice, latency.u, 1.0):
         text = (
-            f"the log determines the latency to within {1e3 * found.u:.2g} ms only; its square, "
-            f"{percent(_second_order(choice.signals, found.u))} of the "
+            f"the log determines the latency to within {1e3 * latency.u:.2g} ms only; its square, "
+            f"{percent(_second_order(choice.signals, latency.u))} of the "
             "inertia, is not in the uncertainty: measure the latency, or record two motions of different frequency and "
             "calibrate it."
         )
@@ -105,10 +106,10 @@ def channel_late(evidence: Evidence, judged: Judged) -> list[Finding] | None:
         return None
     channel, name, sensor = late_channel(part.encoders, rig)
     allowed = part.encoders.with_latency(channel, sensor.latency.value, LATEST)
-    best, found, moved = _corrected(choice, part, evidence.memory, lambda *_: False, allowed)
+    best, latency, moved = _corrected(choice, part, evidence.memory, lambda *_: False, allowed)
     law = best.law
-    moved += found.value
-    u = float(np.hypot(found.u, _scatter(best.tried.values(), best.signals.declaring(allowed), rig)))
+    moved += latency.value
+    u = float(np.hypot(latency.u, _scatter(best.tried.values(), best.signals.declaring(allowed), rig)))
     # the lack of fit by a latency widens the interval as well, which would then contain its effect
     least = MATTERS * min(judged.limits["timing"], law.u)
     if abs(moved) < CERTAIN * u or abs(law.a11 - choice.law.a11) < least:
@@ -155,16 +156,16 @@ def _corrected(
         signals = choice.signals if declared is None else choice.signals.declaring(declared)
         return latency_of(choice.law, signals, part.rig)
 
-    moved, found = 0.0, left()
+    moved, latency = 0.0, left()
     for _ in range(STEPS):
-        if enough(choice, found.value):
+        if enough(choice, latency.value):
             break
-        moved += found.value
+        moved += latency.value
         encoders = part.encoders.with_latency(channel, sensor.latency.value + moved, sensor.latency.std)
         signals = Signals.of(part.log, part.rig, part.motion, encoders)
         choice = choose(signals, part.rig, part.equation, part.noise, memory)
-        found = left()
-    return choice, found, moved
+        latency = left()
+    return choice, latency, moved
 
 
 def latency_of(law: WindowFit, signals: Signals, rig: Rig) -> Latency:
@@ -196,9 +197,9 @@ def _counts(item: RowError, rig: Rig) -> float:
 
 def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig) -> float:
     """Standard deviation of the latency over windows of other lengths that determine it nearly as well."""
-    found = [latency_of(fit, signals, rig) for fit in fits if len(fit.rows) >= FEWEST]
-    least = min((one.u for one in found), default=0.0)
-    values = [one.value for one in found if one.u < SHARP * least]
+    latencies = [latency_of(fit, signals, rig) for fit in fits if len(fit.rows) >= FEWEST]
+    least = min((latency.u for latency in latencies), default=0.0)
+    values = [latency.value for latency in latencies if latency.u < SHARP * least]
     return float(np.std(values)) if len(values) > 1 else 0.0
 
 
@@ -208,8 +209,8 @@ def _may_show(choice: Choice) -> bool:
     """
     law = choice.law
     late = late_error(law.rows, choice.signals, law.coefficients)
-    left = residuals_beside(law, late[:, None])
-    return float(left @ left) < BETTER**2 * float(law.fit.residuals @ law.fit.residuals)
+    remaining = residuals_beside(law, late[:, None])
+    return float(remaining @ remaining) < BETTER**2 * float(law.fit.residuals @ law.fit.residuals)
 
 
 def _second_order(signals: Signals, late: float) -> float:

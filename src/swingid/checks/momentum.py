@@ -142,25 +142,25 @@ class MomentumCheck:
         """The conflict for an estimate whose standard uncertainty is `u`, which a poorer balance must not widen."""
         return conflict(self.evidence, u) if self.evidence is not None and self.conflict else 0.0
 
-    def compared(self, found: Evaluated, cause: str) -> tuple[Evaluated, Checked]:
+    def compared(self, evaluated: Evaluated, cause: str) -> tuple[Evaluated, Checked]:
         """Another method's answer, its inertia as uncertain as its difference to momentum's shows; the check of that.
 
         A source that both share (a constant of the rig) acts on the difference by the difference of its shifts. cause:
         the likely one, in words.
         """
-        own = found.parameters["inertia"]
+        inertia = evaluated.parameters["inertia"]
         if isinstance(self.answer, UnanswerableError):
-            return found, self._refused(self.answer)
-        if own.standard_uncertainty is None:
-            return found, Checked()
+            return evaluated, self._refused(self.answer)
+        if inertia.standard_uncertainty is None:
+            return evaluated, Checked()
         other = self.answer.parameters["inertia"]
-        gap = value_of(found, "inertia", _alone("own")) - value_of(self.answer, "inertia", _alone("momentum's"))
+        gap = value_of(evaluated, "inertia", _alone("own")) - value_of(self.answer, "inertia", _alone("momentum's"))
         lacking = share_of(self.answer.budget, LACK_OF_FIT)
-        dark = dark_uncertainty(gap.value, gap.u**2, own.standard_uncertainty, incomplete=lacking)
-        widened = found.widened(systematic(DISAGREES), "inertia", max(dark, overlapping(own, other)))
-        if abs(gap.value) <= INDICATED * gap.u or not matters(gap.value, own.standard_uncertainty, other.value):
+        dark = dark_uncertainty(gap.value, gap.u**2, inertia.standard_uncertainty, incomplete=lacking)
+        widened = evaluated.widened(systematic(DISAGREES), "inertia", max(dark, overlapping(inertia, other)))
+        if abs(gap.value) <= INDICATED * gap.u or not matters(gap.value, inertia.standard_uncertainty, other.value):
             return widened, Checked(ran=("momentum",))
-        share = own.value / other.value - 1
+        share = inertia.value / other.value - 1
         apart = f"{percent(abs(share))} {'more' if share > 0 else 'less'}"
         text = (
             f"this inertia is {apart} than that of the momentum method; the likely cause is "
@@ -176,12 +176,12 @@ class MomentumCheck:
         text = f"the momentum method, which assumes less, has no answer to compare this inertia with: {reason}."
         return warned(Message("not-compared-with-momentum", text))
 
-    def alone(self, found: Evaluated) -> Parameter:
+    def alone(self, evaluated: Evaluated) -> Parameter:
         """The inertia without what is named by messages, and neither makes an estimate hopeless nor hides causes."""
-        inertia = found.parameters["inertia"]
+        inertia = evaluated.parameters["inertia"]
         if inertia.standard_uncertainty is None:
             return inertia
-        u = combined([one for one in found.budget if one.source not in (CONFLICT, DISAGREES)], "inertia")
+        u = combined([entry for entry in evaluated.budget if entry.source not in (CONFLICT, DISAGREES)], "inertia")
         return Parameter.of(inertia.value, u, inertia.unit)
 
     def tested(self, inertia: Parameter) -> Checked:
@@ -197,36 +197,38 @@ class MomentumCheck:
             self.judged[inertia] = check_hypotheses(self.evidence, Judged(inertia.value, law.a11, limits))
         return self.judged[inertia]
 
-    def widened(self, found: Evaluated) -> Evaluated:
+    def widened(self, evaluated: Evaluated) -> Evaluated:
         """Parameters and budget of the method with the uncertainty of the inertia by such torques and changes."""
-        u = found.parameters["inertia"].standard_uncertainty
+        u = evaluated.parameters["inertia"].standard_uncertainty
         if u is None or self.evidence is None:
-            return found
+            return evaluated
         for source, spread in self._entries(u).items():
-            found = found.widened(systematic(source), "inertia", spread)
-        return found
+            evaluated = evaluated.widened(systematic(source), "inertia", spread)
+        return evaluated
 
     def _entries(self, u: float) -> dict[str, float]:
         """Standard uncertainties that `widened` adds to one of `u`, by source."""
         assert self.evidence is not None
-        found = entries(self.evidence, min(u, self.evidence.law.u), own=False)
-        return {source: spread for source, spread in found.items() if source != CONFLICT}  # which the method has
+        spreads = entries(self.evidence, min(u, self.evidence.law.u), of_balance=False)
+        return {source: spread for source, spread in spreads.items() if source != CONFLICT}  # which the method has
 
 
 def share_of(budget: Iterable[BudgetEntry], sources: Collection[str]) -> float:
     """Share of the type A variance of the inertia that is of these sources."""
-    own = [one for one in budget if one.parameter == "inertia" and one.type == "A"]
-    whole = combined(own, "inertia")
-    return (combined([one for one in own if one.source in sources], "inertia") / whole) ** 2 if whole else 0.0
+    scattered = [entry for entry in budget if entry.parameter == "inertia" and entry.type == "A"]
+    whole = combined(scattered, "inertia")
+    return (
+        (combined([entry for entry in scattered if entry.source in sources], "inertia") / whole) ** 2 if whole else 0.0
+    )
 
 
-def overlapping(one: Parameter, other: Parameter) -> float:
+def overlapping(inertia: Parameter, other: Parameter) -> float:
     """Standard uncertainty that `one` lacks for its 95 % interval to meet that of `other`, 0 where they overlap."""
-    missing = abs(one.value - other.value) - _half_width(one) - _half_width(other)
+    missing = abs(inertia.value - other.value) - _half_width(inertia) - _half_width(other)
     if not missing > 0:
         return 0.0
-    u = (_half_width(one) + missing) / NORMAL
-    return float((u**2 - (one.standard_uncertainty or 0.0) ** 2) ** 0.5)
+    u = (_half_width(inertia) + missing) / NORMAL
+    return float((u**2 - (inertia.standard_uncertainty or 0.0) ** 2) ** 0.5)
 
 
 def _half_width(parameter: Parameter) -> float:

@@ -59,36 +59,36 @@ def place_found(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     if evidence.law.equation.seeks("gravity_torque"):
         return None
     sharpest: dict[str, PlaceFit] = {}
-    for one in evidence.place:  # what windows that distinguish it better do not show is lack of fit of the friction
-        if one.kind not in sharpest or one.variance < sharpest[one.kind].variance:
-            sharpest[one.kind] = one
-    found = max(filter(_is_certain, sharpest.values()), key=lambda one: abs(one.difference), default=None)
-    if found is None:
+    for fit in evidence.place:  # what windows that distinguish it better do not show is lack of fit of the friction
+        if fit.kind not in sharpest or fit.variance < sharpest[fit.kind].variance:
+            sharpest[fit.kind] = fit
+    significant = max(filter(_is_certain, sharpest.values()), key=lambda fit: abs(fit.difference), default=None)
+    if significant is None:
         return []
-    hidden = HIDES * share_left(found.more) * found.more.a11
-    contained = judged.contains(found.difference) and judged.contains(hidden)
+    hidden = HIDES * share_left(significant.more) * significant.more.a11
+    contained = judged.contains(significant.difference) and judged.contains(hidden)
     key = "axis.stiffness" if evidence.law.equation.linear else "axis.stiffness or axis.cogging"
     text = (
         "a torque that depends on the angle, as of a cable, a spring or magnets, would reduce the residuals of the "
-        f"balance to {_ratio(found):.0%} and change the inertia by as much as "
-        f"{percent(found.difference / found.plain.inertia, sign=True)}"
+        f"balance to {_ratio(significant):.0%} and change the inertia by as much as "
+        f"{percent(significant.difference / significant.plain.inertia, sign=True)}"
         f"{', which the interval contains' if contained else ''}; remove it, or state {key}."
     )
-    return [Finding(found.difference, text, contained)]
+    return [Finding(significant.difference, text, contained)]
 
 
-def _ratio(one: PlaceFit) -> float:
+def _ratio(fit: PlaceFit) -> float:
     """Residuals with the torque over those without it, root mean square."""
-    return float(np.sqrt(np.mean(one.more.fit.residuals**2) / np.mean(one.plain.fit.residuals**2)))
+    return float(np.sqrt(np.mean(fit.more.fit.residuals**2) / np.mean(fit.plain.fit.residuals**2)))
 
 
-def _is_certain(one: PlaceFit) -> bool:
+def _is_certain(fit: PlaceFit) -> bool:
     """Return whether the torque explains the residuals, and its change of the inertia is significant."""
-    extra, ratio = len(one.more.declared) - len(one.plain.declared), _ratio(one)
-    freedom = len(one.more.rows.windows) / (LAG / 2) - len(one.more.unknowns) - extra
+    extra, ratio = len(fit.more.declared) - len(fit.plain.declared), _ratio(fit)
+    freedom = len(fit.more.rows.windows) / (LAG / 2) - len(fit.more.unknowns) - extra
     if not 0 < ratio < BETTER or (ratio**-2 - 1) * freedom / extra < CERTAIN_RATIO:
         return False
-    return bool(abs(one.difference) >= DETECTED * one.variance**0.5)
+    return bool(abs(fit.difference) >= DETECTED * fit.variance**0.5)
 
 
 def spring_not_stated(evidence: Evidence, judged: Judged) -> list[Finding]:
@@ -97,15 +97,15 @@ def spring_not_stated(evidence: Evidence, judged: Judged) -> list[Finding]:
     That is where its posterior adds more than the standard uncertainty to the inertia. Rotary axes only.
     """
     signals, equation = evidence.signals, evidence.law.equation
-    springs = [one for one in evidence.place if one.kind == "spring"]
-    found = min(springs, key=lambda one: one.variance, default=None)
-    stated = any(is_spring(one.term) for one in equation.conservative)
-    if found is None or stated or signals.linear or equation.seeks("gravity_torque"):
+    springs = [fit for fit in evidence.place if fit.kind == "spring"]
+    sharpest = min(springs, key=lambda fit: fit.variance, default=None)
+    stated = any(is_spring(item.term) for item in equation.conservative)
+    if sharpest is None or stated or signals.linear or equation.seeks("gravity_torque"):
         return []
-    spring = found.more.declared[-1]
+    spring = sharpest.more.declared[-1]
     if abs(float(spring.shifts[0])) <= judged.limits["alone"]:
         return []
-    effect = float(found.plain.fit.influence[0] @ spring.item.rows) * 0.01 * abs(equation.value("gravity_torque"))
+    effect = float(sharpest.plain.fit.influence[0] @ spring.item.rows) * 0.01 * abs(equation.value("gravity_torque"))
     text = (
         "axis.stiffness is not stated, so no spring (cable, band) is assumed to act; this motion does not distinguish "
         "one from inertia and gravity: 1 % of the gravity torque per rad is an error of "

@@ -18,15 +18,15 @@ def explained(error: UnanswerableError, check: MomentumCheck) -> UnanswerableErr
     if error.code not in UNDETERMINED or check.read.one_of_several or check.evidence is None:
         return error
     law = check.evidence.law
-    found = check.tested(Parameter.of(law.inertia, law.total, law.equation.unit)).warnings
-    causes = [one.message for one in found if one.code in CONTRADICTIONS]
+    warnings = check.tested(Parameter.of(law.inertia, law.total, law.equation.unit)).warnings
+    causes = [warning.message for warning in warnings if warning.code in CONTRADICTIONS]
     return contradiction(causes[0], "is not determined") if causes else error
 
 
 def require_agreement(result: Result) -> Result:
     """The result. Raises UnanswerableError where what contradicts the rig file leaves no answer."""
     inertia = result.parameters.get("inertia")
-    causes = [one.message for one in result.warnings if one.code in CONTRADICTIONS]
+    causes = [warning.message for warning in result.warnings if warning.code in CONTRADICTIONS]
     if inertia is None or not causes:
         return result
     relative = (inertia.standard_uncertainty or 0.0) / max(abs(inertia.value), 1e-300)

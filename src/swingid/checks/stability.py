@@ -58,9 +58,9 @@ def slow_changes(kind: str) -> Callable[[Evidence, Judged], list[Finding]]:
     return test
 
 
-def slow_entries(evidence: Evidence, u: float, own: bool) -> dict[str, float]:
+def slow_entries(evidence: Evidence, u: float, of_balance: bool) -> dict[str, float]:
     """Standard uncertainties by slow changes; by all of one where a method takes friction and zero as constant."""
-    return {SOURCES[effect.kind]: effect.u + (0.0 if own else abs(effect.change)) for effect, _ in evidence.slow}
+    return {SOURCES[effect.kind]: effect.u + (0.0 if of_balance else abs(effect.change)) for effect, _ in evidence.slow}
 
 
 def not_predicted(evidence: Evidence, judged: Judged) -> list[Finding]:
@@ -80,9 +80,9 @@ def disagreeing(*names: str) -> Callable[[Evidence, Judged], list[Finding] | Non
     """The test whether the parts of the log that are compared under these names certainly disagree."""
 
     def test(evidence: Evidence, judged: Judged) -> list[Finding] | None:
-        compared = [one for one in evidence.parts if one.name in names]
-        found = [one for one in compared if abs(one.off) > CERTAIN * one.u]
-        worst = max(found, key=lambda one: abs(one.off), default=None)
+        compared = [comparison for comparison in evidence.parts if comparison.name in names]
+        significant = [comparison for comparison in compared if abs(comparison.off) > CERTAIN * comparison.u]
+        worst = max(significant, key=lambda comparison: abs(comparison.off), default=None)
         if worst is None:
             return [] if compared else None
         text = f"{_differ(worst, judged.value)}, one of {len(evidence.parts)} such comparisons: {CAUSES[worst.name]}."
@@ -106,11 +106,15 @@ def impulse_fitted(evidence: Evidence, judged: Judged) -> list[Finding]:
 
 def mirrored_differ(evidence: Evidence, judged: Judged) -> list[Finding]:
     """A note on each pair of parts that mirror one another and differ, which is not in the inertia of the whole."""
-    mirrored = [one for one in evidence.parts if one.name in MIRRORED and abs(one.deviation) > CERTAIN]
-    found = [one for one in mirrored if abs(one.off) <= CERTAIN * one.u]
+    mirrored = [
+        comparison
+        for comparison in evidence.parts
+        if comparison.name in MIRRORED and abs(comparison.deviation) > CERTAIN
+    ]
+    contained = [comparison for comparison in mirrored if abs(comparison.off) <= CERTAIN * comparison.u]
     return [
-        Finding(0.0, f"{_differ(one, judged.value)}: {CAUSES[one.name]}; in the whole log that cancels.")
-        for one in found
+        Finding(0.0, f"{_differ(comparison, judged.value)}: {CAUSES[comparison.name]}; in the whole log that cancels.")
+        for comparison in contained
     ]
 
 
@@ -118,19 +122,19 @@ def agreement(parts: Sequence[Comparison], carried: float) -> tuple[Agreement, .
     """Comparisons as data; carried: what of the axis' inertia is not the body's."""
     return tuple(
         Agreement(
-            one.name,
-            (one.first[0] - carried, one.first[1]),
-            (one.second[0] - carried, one.second[1]),
-            one.difference,
-            one.variance**0.5,
+            comparison.name,
+            (comparison.first[0] - carried, comparison.first[1]),
+            (comparison.second[0] - carried, comparison.second[1]),
+            comparison.difference,
+            comparison.variance**0.5,
         )
-        for one in parts
+        for comparison in parts
     )
 
 
-def _differ(one: Comparison, inertia: float) -> str:
-    by = plus_minus(100 * one.difference / inertia, 100 * one.variance**0.5 / abs(inertia), "%")
-    return f"{DIVIDED[one.name]} give inertias that differ by {by}"
+def _differ(comparison: Comparison, inertia: float) -> str:
+    by = plus_minus(100 * comparison.difference / inertia, 100 * comparison.variance**0.5 / abs(inertia), "%")
+    return f"{DIVIDED[comparison.name]} give inertias that differ by {by}"
 
 
 def _changes(change: Changing) -> str:

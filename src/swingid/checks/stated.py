@@ -74,8 +74,8 @@ def _stated_or_usual(evidence: Evidence) -> bool:
         return False
     if not evidence.signals.encoders.angle.assumed:
         return True
-    found = (one.value for one in evidence.law.declared if one.item.of.shape in BENDS)
-    return all(abs(value) < CERTAIN for value in found)
+    shifts = (effect.value for effect in evidence.law.declared if effect.item.of.shape in BENDS)
+    return all(abs(value) < CERTAIN for value in shifts)
 
 
 def _shows(law: WindowFit, before: float, after: float) -> bool:
@@ -107,17 +107,17 @@ def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, ri
     stated, equation = rig.axis.acting_gravity, law.equation
     if stated is None or equation.seeks("gravity_torque") or not equation.driven or signals.linear:
         return None
-    found = _freed(law, signals, rig)
-    if found is None:
+    freed = _freed(law, signals, rig)
+    if freed is None:
         return []
-    free, spread = found
+    free, spread = freed
     b = free.value("gravity_torque")
-    for own in (law, *tried):
-        one = found if own is law else _freed(own, signals, rig)
-        if one is None or one[1] >= AS_SHARP * spread:
+    for fit in (law, *tried):
+        other = freed if fit is law else _freed(fit, signals, rig)
+        if other is None or other[1] >= AS_SHARP * spread:
             continue
-        off = one[0].value("gravity_torque") - stated.value
-        if off * (b - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(one[1], stated.std or 0.0):
+        off = other[0].value("gravity_torque") - stated.value
+        if off * (b - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(other[1], stated.std or 0.0):
             return []
     if free.a11 <= 0 or (stated.value and b <= 0):
         return []

@@ -89,44 +89,46 @@ TABLE = (
 )  # fmt: skip
 """The hypotheses in the order of their tests: what explains a later one comes first."""
 
-CONTRADICTIONS = tuple(one.code for one in TABLE if one.contradicts)
+CONTRADICTIONS = tuple(hypothesis.code for hypothesis in TABLE if hypothesis.contradicts)
 """Codes of what a log contradicts in its rig file, each with an entry of the budget that holds the disagreement."""
 
 NAMED = (ZERO, SLIP, CONFLICT, PLACE, PARTS, JUMPS)
 """Sources of the budget that are named by messages, and neither make an answer hopeless nor hide its causes."""
 
 
-def check_hypotheses(evidence: Evidence, judged: Judged, found: Iterable[str] = ()) -> Checked:
+def check_hypotheses(evidence: Evidence, judged: Judged, before: Iterable[str] = ()) -> Checked:
     """The hypotheses; found: codes of warnings before. UnanswerableError where the balance does not close."""
     warnings: list[Message] = []
     notes: list[Message] = []
     ran: list[str] = []
-    seen = set(found)
-    for one in TABLE:
-        if seen.intersection(one.unless) or (one.own and not judged.own):
+    seen = set(before)
+    for hypothesis in TABLE:
+        if seen.intersection(hypothesis.unless) or (hypothesis.own and not judged.own):
             continue
-        findings = one.test(evidence, judged)
+        findings = hypothesis.test(evidence, judged)
         if findings is None:
             continue
-        if one.check:
-            ran.append(one.check)
+        if hypothesis.check:
+            ran.append(hypothesis.check)
         for finding in findings:
-            message = Message(one.code, finding.text, one.kind)
-            if one.limit and judged.matters(finding.change, one.limit):
+            message = Message(hypothesis.code, finding.text, hypothesis.kind)
+            if hypothesis.limit and judged.matters(finding.change, hypothesis.limit):
                 (notes if finding.contained else warnings).append(message)
-                seen.add(one.code)
-            elif one.note:
+                seen.add(hypothesis.code)
+            elif hypothesis.note:
                 notes.append(message)
     return Checked(tuple(warnings), tuple(notes), tuple(ran))
 
 
-def entries(evidence: Evidence, u: float, *, own: bool) -> dict[str, float]:
+def entries(evidence: Evidence, u: float, *, of_balance: bool) -> dict[str, float]:
     """Standard uncertainties of the inertia by source, of an estimate whose type A is `u`; own: see `Judged`.
 
     Of the hypotheses, and of what was found when the log was read. Each source is there for every log.
     """
-    found = {source: spread for one in TABLE for source, spread in one.entries(evidence, u, own).items()}
-    return found | {JUMPS: jump_entry(evidence)}
+    spreads = {
+        source: spread for hypothesis in TABLE for source, spread in hypothesis.entries(evidence, u, of_balance).items()
+    }
+    return spreads | {JUMPS: jump_entry(evidence)}
 
 
 @dataclass(frozen=True)
@@ -139,9 +141,12 @@ class Check:
 
 def _checks(table: Sequence[Hypothesis]) -> dict[str, Check]:
     """The checks of a table by name."""
-    names = dict.fromkeys(one.check for one in table if one.check)
-    rows = {name: [one for one in table if one.check == name] for name in names}
-    return {name: Check(own[0].words, tuple(one.code for one in own)) for name, own in rows.items()}
+    names = dict.fromkeys(hypothesis.check for hypothesis in table if hypothesis.check)
+    rows = {name: [hypothesis for hypothesis in table if hypothesis.check == name] for name in names}
+    return {
+        name: Check(hypotheses[0].words, tuple(hypothesis.code for hypothesis in hypotheses))
+        for name, hypotheses in rows.items()
+    }
 
 
 CHECKS = {

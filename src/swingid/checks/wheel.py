@@ -41,27 +41,27 @@ class _Slip:
 
 def wheel_slips(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     """Find a wheel that slips one way, where that explains what the balance leaves."""
-    found = _slip(evidence.law, evidence.signals)
-    if found is None:
+    slip = _slip(evidence.law, evidence.signals)
+    if slip is None:
         return None
-    if not CERTAIN * found.u < abs(found.value) <= LARGEST or found.ratio > BETTER:
+    if not CERTAIN * slip.u < abs(slip.value) <= LARGEST or slip.ratio > BETTER:
         return []
-    share = plus_minus(100 * abs(found.value), 100 * found.u, "%")
-    direction = "forward" if found.value > 0 else "back"
+    share = plus_minus(100 * abs(slip.value), 100 * slip.u, "%")
+    direction = "forward" if slip.value > 0 else "back"
     text = (
         f"the wheel seems to slip by {share} on the shaft of its encoder as it turns {direction}, which reduces the "
-        f"residuals of the balance to {found.ratio:.0%} and changes the inertia by "
-        f"{percent(found.change / evidence.law.inertia, sign=True)}; tighten the wheel and record again."
+        f"residuals of the balance to {slip.ratio:.0%} and changes the inertia by "
+        f"{percent(slip.change / evidence.law.inertia, sign=True)}; tighten the wheel and record again."
     )
-    return [Finding(found.change, text)]
+    return [Finding(slip.change, text)]
 
 
 def slip_entry(evidence: Evidence, u: float) -> float:
     """Standard uncertainty of a11 by a wheel that slips: the unexplained difference to the fit with it."""
-    found = _slip(evidence.law, evidence.signals)
-    if found is None or not 0 < abs(found.value) <= LARGEST:
+    slip = _slip(evidence.law, evidence.signals)
+    if slip is None or not 0 < abs(slip.value) <= LARGEST:
         return 0.0
-    return dark_uncertainty(found.change, (found.change * found.u / found.value) ** 2, u)
+    return dark_uncertainty(slip.change, (slip.change * slip.u / slip.value) ** 2, u)
 
 
 def _slip(law: WindowFit, signals: Signals) -> _Slip | None:
@@ -85,5 +85,5 @@ def _slip(law: WindowFit, signals: Signals) -> _Slip | None:
             float(law.fit.influence[0] @ lacking),
             float(np.linalg.norm(fit.residuals)) / max(float(np.linalg.norm(plain.residuals)), 1e-300),
         )
-    found: _Slip = law.kept[SLIP]
-    return found
+    slip: _Slip = law.kept[SLIP]
+    return slip

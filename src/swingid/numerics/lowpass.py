@@ -104,22 +104,22 @@ class ZeroPhase:
         return pad, matrices, slice((front + pad + self.first) % self.every, None, self.every), front, size
 
 
-def _outputs(own: _Blocks, inputs: Array, given: slice, wanted: slice) -> Array:
+def _outputs(block: _Blocks, inputs: Array, given: slice, wanted: slice) -> Array:
     """Outputs at the places `wanted` of every block, (c, …), of inputs (c, blocks, places) at the places `given`.
 
     The way back begins in the steady state of the last output on the way there.
     """
     count, blocks, places = inputs.shape
-    matrix = np.vstack([own.forward[:, given], own.backward[:, given], own.inner[wanted, given]])
+    matrix = np.vstack([block.forward[:, given], block.backward[:, given], block.inner[wanted, given]])
     products = (inputs.reshape(-1, places) @ matrix.T).reshape(count, blocks, -1)
     ways = products[:, :, : 2 * STATES].transpose(1, 0, 2).copy()
-    states = _carried(own.power, ways[:-1, :, :STATES], np.zeros((count, STATES)))
-    end = states[-1] @ own.last + inputs[:, -1] @ own.last_inputs[given]
-    turned = ways[:, :, STATES:] + (states.reshape(-1, STATES) @ own.turned.T).reshape(blocks, count, STATES)
-    back = _carried(own.power, turned[:0:-1], np.outer(end, own.steady))[::-1]
+    states = _carried(block.power, ways[:-1, :, :STATES], np.zeros((count, STATES)))
+    end = states[-1] @ block.last + inputs[:, -1] @ block.last_inputs[given]
+    turned = ways[:, :, STATES:] + (states.reshape(-1, STATES) @ block.turned.T).reshape(blocks, count, STATES)
+    back = _carried(block.power, turned[:0:-1], np.outer(end, block.steady))[::-1]
     both = np.empty((count, blocks, 2 * STATES))
     both[:, :, :STATES], both[:, :, STATES:] = states.transpose(1, 0, 2), back.transpose(1, 0, 2)
-    outputs = both.reshape(-1, 2 * STATES) @ np.hstack([own.ahead[wanted], own.behind[wanted]]).T
+    outputs = both.reshape(-1, 2 * STATES) @ np.hstack([block.ahead[wanted], block.behind[wanted]]).T
     result: Array = (outputs.reshape(count, blocks, -1) + products[:, :, 2 * STATES :]).reshape(count, -1)
     return result
 

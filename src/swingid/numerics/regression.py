@@ -100,14 +100,14 @@ def gram(rows: Array) -> Array:
     return sum((part @ part.swapaxes(-1, -2) for part in parts), np.zeros((*rows.shape[:-1], rows.shape[-2])))
 
 
-def product(left: Array, right: Array) -> Array:
+def product(first: Array, second: Array) -> Array:
     """Matrix (..., m, k) times matrix (..., k, n), n ≫ m, by products too small for more than one processor."""
-    count, width = right.shape[-1], max(SINGLE // (left.shape[-2] * left.shape[-1] or 1), 1)
+    count, width = second.shape[-1], max(SINGLE // (first.shape[-2] * first.shape[-1] or 1), 1)
     if count <= width:
-        return left @ right
-    result = np.empty((*right.shape[:-2], left.shape[-2], count))
+        return first @ second
+    result = np.empty((*second.shape[:-2], first.shape[-2], count))
     for k in range(0, count, width):
-        result[..., k : k + width] = left @ right[..., k : k + width]
+        result[..., k : k + width] = first @ second[..., k : k + width]
     return result
 
 

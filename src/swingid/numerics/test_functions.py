@@ -118,12 +118,12 @@ class _Tests:
         return at.ravel()
 
 
-def _ends(nodes: GaussNodes, found: _Places, centres: Array, half: Array) -> tuple[tuple[Ints, Ints], Array]:
+def _ends(nodes: GaussNodes, places: _Places, centres: Array, half: Array) -> tuple[tuple[Ints, Ints], Array]:
     """Return where the nodes of the intervals are in which the windows begin and end, and `_cut` of these."""
-    several = (found.end > found.begin).nonzero()[0]
+    several = (places.end > places.begin).nonzero()[0]
     which = np.concatenate([np.arange(len(half)), several])
-    k = np.concatenate([found.begin, found.end[several]])
-    columns = (k * nodes.points - found.first[which])[:, None] + np.arange(nodes.points)
+    k = np.concatenate([places.begin, places.end[several]])
+    columns = (k * nodes.points - places.first[which])[:, None] + np.arange(nodes.points)
     return (which[:, None], columns), _cut(nodes, k, centres[which], half[which])
 
 

@@ -136,13 +136,13 @@ class Prepared:
         details: Details,
         options: dict[str, object] | None = None,
         *,
-        found: tuple[Correction, ...] = (),
+        corrections: tuple[Correction, ...] = (),
         more: dict[str, object] | None = None,
         covariance: dict[str, dict[str, float]] | None = None,
     ) -> Result:
         """The result of a method on this log, with the findings of its reading and the corrections of its preparation.
 
-        found: corrections by the method; more: of its provenance; covariance: of type A, where logs share unknowns.
+        corrections: by the method; more: of its provenance; covariance: of type A, where logs share unknowns.
         """
         cost = encoders_cost(self.rig, evaluated.budget, evaluated.parameters)
         warnings, notes = [*checked.warnings], [part.note, *checked.notes, *defaults_taken(self.rig), *cost]
@@ -157,7 +157,7 @@ class Prepared:
         log = replace(log, findings=(*log.findings, off)) if off else log
         add_findings(log, warnings, notes, used=(part.start, part.stop), budget=evaluated.budget)
         decided = {
-            "corrections": [correction.as_dict() for correction in (*self.corrections, *found)],
+            "corrections": [correction.as_dict() for correction in (*self.corrections, *corrections)],
             "part": [part.start, part.stop],
             "noise": {"angle": part.noise.angle, "wheel": part.noise.wheel if self.equation.value("wheel") else None},
         }

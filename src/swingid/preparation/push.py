@@ -200,10 +200,10 @@ def _worst_of_swings(balance: QuickBalance, size: Array, moving: Bools) -> float
     return float(np.sort(worst)[2 * len(worst) // 3]) if len(worst) else 0.0
 
 
-def _peaks(found: Ints, size: Array, quiet: Bools) -> list[int]:
+def _peaks(candidates: Ints, size: Array, quiet: Bools) -> list[int]:
     """The largest window of every run of `found` ones without a quiet one between."""
-    runs = np.cumsum(quiet)[found]
-    return [int(places[np.argmax(size[places])]) for places in (found[runs == run] for run in np.unique(runs))]
+    runs = np.cumsum(quiet)[candidates]
+    return [int(places[np.argmax(size[places])]) for places in (candidates[runs == run] for run in np.unique(runs))]
 
 
 def _around(k: int, balance: QuickBalance, quiet: Bools, unseen: float, log: Recording) -> Push:

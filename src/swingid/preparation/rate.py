@@ -180,12 +180,12 @@ def spins(rate: Array, rig: Rig) -> bool:
     return not (rig.drive.channel is None and shrinks and stays)
 
 
-def _level(log: Recording, rig: Rig, at: Recording, bias: float, found: tuple[Array, Array] | None) -> Level:
+def _level(log: Recording, rig: Rig, at: Recording, bias: float, rest: tuple[Array, Array] | None) -> Level:
     """What is left unknown; at: the log with its angle levelled, found: centres of the swings."""
-    slope_spread, wander = _spread(at, found)
+    slope_spread, wander = _spread(at, rest)
     half, noise = log.duration / 2, channel_noise(at, rig)
     stated = rig.sensors.of_rate("angle").bias.std
-    turns = 0 if found is None else len(found[0]) + 3
+    turns = 0 if rest is None else len(rest[0]) + 3
     walk = noise.rate * np.sqrt(noise.step)
     if rig.drive.channel is None:  # a drive moves the centres; a free body shows drift of the bias by them, too
         # a random walk about the line nearest to it has the standard deviation walk √(T/15)
@@ -229,12 +229,12 @@ def _motion(log: Recording, rig: Rig) -> Motion | None:
     return motion.within(start, stop)
 
 
-def _spread(log: Recording, found: tuple[Array, Array] | None) -> tuple[float, float]:
+def _spread(log: Recording, rest: tuple[Array, Array] | None) -> tuple[float, float]:
     """Standard uncertainty of the slope (rad/s) of the line through the centres, and their scatter about it (rad)."""
-    if found is None:
+    if rest is None:
         size = float(np.std(log.angle))
         return size / log.duration, 0.0
-    times, centres = found
+    times, centres = rest
     value, slope = line_of(times, centres)
     residuals = centres - value - slope * (times - (times[0] + times[-1]) / 2)
     # means of four turning angles share three with the next one: a fourth of them is independent

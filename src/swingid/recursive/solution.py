@@ -123,7 +123,7 @@ class Recursion:
             return full
         return replace(plain, timing=np.abs(plain.inverse @ self._gram[:, k]) * impulse.left)
 
-    def _impulse(self, signals: Signals, values: Array, found: tuple[float, float]) -> Impulse:
+    def _impulse(self, signals: Signals, values: Array, fitted: tuple[float, float]) -> Impulse:
         """Return whether the impulse `found` (value, standard uncertainty) is an unknown; values: of the plain
         solution.
         """
@@ -132,7 +132,7 @@ class Recursion:
         levels = dry_levels(signals, lambda name: known.get(name, 0.0))
         late = late_reversals(signals, torque, abs(known["inertia"]), self.noise, levels)
         expected = impulses_expected(signals.motion, late, torque, levels)
-        return impulse_found(self.equation, signals.motion, found, expected, known["coulomb"])
+        return impulse_found(self.equation, signals.motion, fitted, expected, known["coulomb"])
 
     def _solve(self, sought: Bools) -> Solution:
         """The solution for the unknowns `sought`, the others 0."""

@@ -86,18 +86,18 @@ def crossings(
     edges = np.linspace(start, stop, count + 1)
     left, right = edges[:-1], edges[1:]
     shortest, most = 1e-9 * slope / bend, 2**20  # most: sums that nearly cancel everywhere
-    found: list[Array] = []
+    instants: list[Array] = []
     while left.size:
         middle, half = 0.5 * (left + right), 0.5 * (right - left)
         f_left, f_right = f(left), f(right)
         changes = (f_left * f_right < 0.0) | (f_right == 0.0)
         clear = np.abs(f(middle)) > slope * half * (1.0 + 1e-9)
         settled = ~clear & ((np.abs(df(middle)) > bend * half) | (half < shortest) | (left.size > most))
-        found.append(_bisect(f, left[settled & changes], right[settled & changes]))
+        instants.append(_bisect(f, left[settled & changes], right[settled & changes]))
         again = ~clear & ~settled
         left, middle, right = left[again], middle[again], right[again]
         left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
-    roots = np.sort(np.concatenate(found)) if found else np.empty(0)
+    roots = np.sort(np.concatenate(instants)) if instants else np.empty(0)
     return roots[(roots > start) & (roots < stop)]
 
 

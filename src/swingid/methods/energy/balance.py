@@ -191,15 +191,15 @@ class PassRows(Rows):
         return replace(self, windows=windows, columns=columns, kept={}, instants=instants)
 
 
-def _works(rows: PassRows, own: RigTerm) -> dict[str, Array]:
+def _works(rows: PassRows, rig_term: RigTerm) -> dict[str, Array]:
     """∫f q1' dt of a term: a potential energy, with its derivative by the shift, or a loss."""
-    term, course = own.term, rows.course
+    term, course = rig_term.term, rows.course
     if not term.is_conservative:
         along = course.axis.angle_at(course.nodes.flat[0]).reshape(course.speed.shape)
-        power = own.regressor(along, course.speed, np.sign(course.speed)) * course.speed
-        return {own.name: rows.at(lambda times: running_integrals(course.nodes, [power], times))[0]}
-    if not own.shift.std:
-        return {own.name: term.of_angle_integral(rows.angle, *own.at)}
+        power = rig_term.regressor(along, course.speed, np.sign(course.speed)) * course.speed
+        return {rig_term.name: rows.at(lambda times: running_integrals(course.nodes, [power], times))[0]}
+    if not rig_term.shift.std:
+        return {rig_term.name: term.of_angle_integral(rows.angle, *rig_term.at)}
     # ∂g/∂shift is −1 of a displacement, and of a wave dg/dq over its order
-    by_shift = term.of_angle(rows.angle, *own.at) / own.order if term.kind == WAVE else -rows.angle
-    return {own.name: term.of_angle_integral(rows.angle, *own.at), shifted(own.name): by_shift}
+    by_shift = term.of_angle(rows.angle, *rig_term.at) / rig_term.order if term.kind == WAVE else -rows.angle
+    return {rig_term.name: term.of_angle_integral(rows.angle, *rig_term.at), shifted(rig_term.name): by_shift}

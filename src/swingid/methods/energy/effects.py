@@ -42,30 +42,32 @@ def pass_errors(rows: PassRows, rig: Rig, equation: Equation, values: Mapping[st
     return [*constants, *(RowError(error, -_change(rows, equation, values, error)) for error in channels)]
 
 
-def _change(rows: PassRows, equation: Equation, values: Mapping[str, float], one: Perturbation) -> Array:
+def _change(rows: PassRows, equation: Equation, values: Mapping[str, float], perturbation: Perturbation) -> Array:
     """Change of the balance by an error of the angle of axis or wheel; of friction, see `_of_friction`."""
     course, v1, v2 = rows.course, rows.speed, rows.wheel_speed
-    if one.channel == "wheel":
+    if perturbation.channel == "wheel":
         assert course.wheel is not None
         source = course.wheel
-        change = (values["wheel"] * v1 + values["wheel_inertia"] * v2) * rows.at(lambda t: _rate(source, one, t))
+        change = (values["wheel"] * v1 + values["wheel_inertia"] * v2) * rows.at(
+            lambda t: _rate(source, perturbation, t)
+        )
     else:
         source = course.axis
-        error = rows.at(source.at) if one.shape == "latency" else SHAPES[one.shape](rows.angle)
+        error = rows.at(source.at) if perturbation.shape == "latency" else SHAPES[perturbation.shape](rows.angle)
         momentum = values["inertia"] * v1 + values.get("wheel", 0.0) * v2
-        change = _pull(rows, equation, values) * error + momentum * rows.at(lambda t: _rate(source, one, t))
-        change = change + _of_friction(rows, values, one)
-    if one.channel == "wheel" or "torque" in equation.coefficients:
-        power = _power_slope(course) * _rate(source, one, course.nodes.flat[0]).reshape(course.speed.shape)
+        change = _pull(rows, equation, values) * error + momentum * rows.at(lambda t: _rate(source, perturbation, t))
+        change = change + _of_friction(rows, values, perturbation)
+    if perturbation.channel == "wheel" or "torque" in equation.coefficients:
+        power = _power_slope(course) * _rate(source, perturbation, course.nodes.flat[0]).reshape(course.speed.shape)
         change = change - rows.at(lambda times: running_integrals(course.nodes, [power], times))[0]
     return np.asarray(change)
 
 
-def _rate(source: Speed, one: Perturbation, instants: Array) -> Array:
+def _rate(source: Speed, error: Perturbation, instants: Array) -> Array:
     """Rate s' of an error s(q) of a channel, or of one that is read late, s = q', at rising instants."""
-    if one.shape == "latency":
+    if error.shape == "latency":
         return source.acceleration(instants)
-    return SLOPES[one.shape](source.angle_at(instants)) * source.at(instants)
+    return SLOPES[error.shape](source.angle_at(instants)) * source.at(instants)
 
 
 def _pull(rows: PassRows, equation: Equation, values: Mapping[str, float]) -> Array:
@@ -77,13 +79,13 @@ def _pull(rows: PassRows, equation: Equation, values: Mapping[str, float]) -> Ar
     return pull
 
 
-def _of_friction(rows: PassRows, values: Mapping[str, float], one: Perturbation) -> Array:
+def _of_friction(rows: PassRows, values: Mapping[str, float], error: Perturbation) -> Array:
     """Change of the work of friction: all of it is read late, its speed is scaled; else negligible."""
     coefficients = {name: values[name] for name in TERMS if values.get(name)}
-    if one.shape == "latency":
+    if error.shape == "latency":
         power = (value * TERMS[name](rows.speed) * rows.speed for name, value in coefficients.items())
         return sum(power, np.zeros(len(rows)))
-    weights = {name: (power_of(name) + 1) * value for name, value in coefficients.items()} if one.scales_speed else {}
+    weights = {name: (power_of(name) + 1) * value for name, value in coefficients.items()} if error.scales_speed else {}
     return rows.sum_of(weights)
 
 

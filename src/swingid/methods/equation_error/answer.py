@@ -21,9 +21,9 @@ from swingid.uncertainty.budget import Evaluated, Scatter, evaluate
 SCATTER = "scatter of the rows and sensor noise"
 
 
-def answer(found: Selection, rig: Rig) -> Evaluated:
+def answer(selected: Selection, rig: Rig) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant."""
-    fit, law, equation = found.chosen, found.law, found.chosen.equation
+    fit, law, equation = selected.chosen, selected.law, selected.chosen.equation
     units = units_on(linear=equation.linear)
     sought = {name: fit.of(name) for name in fit.unknowns if name in equation.sought}
     friction = np.array([fit.of(name) for name in law.unknowns])
@@ -39,7 +39,7 @@ def answer(found: Selection, rig: Rig) -> Evaluated:
     scale_of = spread / np.sqrt(np.maximum(np.diag(scatters), 1e-300))
     freedom = np.array([fit.freedom_of(row) for row in combinations])
     scattered = Scatter(SCATTER, scatters * np.outer(scale_of, scale_of), freedom)
-    return evaluate(values, scattered, found.common, declared, relative=rig.axis.model_uncertainty)
+    return evaluate(values, scattered, selected.common, declared, relative=rig.axis.model_uncertainty)
 
 
 def _errors(rig: Rig, fit: RowFit) -> Iterator[RowError]:
@@ -59,22 +59,22 @@ def _errors(rig: Rig, fit: RowFit) -> Iterator[RowError]:
         yield RowError(error, rows)
 
 
-def details(found: Selection, span: tuple[float, float]) -> Details:
+def details(selected: Selection, span: tuple[float, float]) -> Details:
     """What the report draws."""
-    fit, motion, used = found.chosen, found.motion, found.chosen.weights > 0
-    fits = {f"cut-off {found.cutoff.frequency:.3g} Hz": fit} | found.cutoffs
-    fits |= {law.name: other for law, other, _ in found.laws}
+    fit, motion, used = selected.chosen, selected.motion, selected.chosen.weights > 0
+    fits = {f"cut-off {selected.cutoff.frequency:.3g} Hz": fit} | selected.cutoffs
+    fits |= {law.name: other for law, other, _ in selected.laws}
     return Details(
         start=span[0],
         stop=span[1],
         turning_times=motion.turning_times,
         turning_angles=motion.turning_angles,
         swings=_per_swing(fit),
-        friction=_curve(found, float(np.max(np.abs(motion.speed.speed)))),
+        friction=_curve(selected, float(np.max(np.abs(motion.speed.speed)))),
         estimates={name: (variant.inertia, variant.u) for name, variant in fits.items()},
         residual_times=fit.row_filter.instants[used],
         residuals=fit.fit.residuals[used],
-        extra={"cutoff": found.cutoff.frequency, "attenuation": fit.compensated},
+        extra={"cutoff": selected.cutoff.frequency, "attenuation": fit.compensated},
     )
 
 
@@ -91,9 +91,9 @@ def _per_swing(fit: RowFit) -> SwingSeries:
     return SwingSeries.of(motion.turning_times[full], motion.sides[full], values)
 
 
-def _curve(found: Selection, fastest: float) -> FrictionCurve:
+def _curve(selected: Selection, fastest: float) -> FrictionCurve:
     """The fitted law as a curve, with its uncertainty."""
-    fit, law = found.chosen, found.law
+    fit, law = selected.chosen, selected.law
     places = [fit.unknowns.index(name) for name in law.unknowns]
     coefficients, change = np.split(fit.fit.values[places], [len(law.terms)])
     fitted = replace(law, coefficients=coefficients, stribeck_speed=law.stribeck_speed + float(change.sum()))

@@ -93,7 +93,7 @@ class Selection:
 
 
 def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bool) -> Selection:
-    """The chosen fit with those it is compared with. given: name of a law, None to choose one.
+    """The chosen fit with those it is compared with. given: name of a law, None to choose lower.
 
     Raises UnanswerableError for too short a log.
     """
@@ -116,7 +116,7 @@ def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bo
     ]
     others_of = {*cutoff.beside(1 / part.grid.step), *cutoff.down_to(LOWEST / (2 * part.motion.half_period))[1:]}
     cutoffs = {}
-    for other in sorted(others_of, key=lambda one: -one.frequency):
+    for other in sorted(others_of, key=lambda lower: -lower.frequency):
         with suppress(UnanswerableError):  # too low for so short a log
             fit = fit_rows(part, part.filter(other), (*law.unknowns, *more), law, lag)
             cutoffs[f"cut-off {other.frequency:.3g} Hz"] = fit
@@ -195,7 +195,7 @@ def _possible(part: OnGrid, row_filter: RowFilter, choice: LawChoice) -> Weighte
 
 def _likely(tried: Iterable[tuple[Law, float]]) -> Weighted:
     """The laws of more than negligible probability, with that, the most probable first."""
-    ranked = sorted(tried, key=lambda one: -one[1])
+    ranked = sorted(tried, key=lambda trial: -trial[1])
     total = sum(weight for _, weight in ranked)
     return tuple((law, weight / total) for law, weight in ranked if weight > POSSIBLE * total)
 

@@ -89,39 +89,42 @@ class RowFit(WindowFit):
         weights: Array = np.eye(len(self.unknowns))[self.unknowns.index(unknown)]
         return weights
 
-    def variances(self, own: Array) -> tuple[float, float]:
+    def variances(self, weights: Array) -> tuple[float, float]:
         """Type A variance of a combination of the unknowns: of white noise of both angles, and of the lack of fit.
 
         The scatter of the rows over a finite time also contains power of the differentiated noise at frequencies beside
         the motion's. The expected power of the noise there is subtracted, and one standard deviation of it: the
         difference is never negative, so its fluctuation would widen it.
         """
-        key = f"variances of {own.tolist()}"
+        key = f"variances of {weights.tolist()}"
         if key not in self.kept:
-            seen = float(own @ self.covariance @ own)
-            smeared = float(self._lagged @ autocorrelation(own @ self.fit.influence, self.reach))
+            seen = float(weights @ self.covariance @ weights)
+            smeared = float(self._lagged @ autocorrelation(weights @ self.fit.influence, self.reach))
             # number of independent stretches of a Parzen kernel, as in `hac_covariance`
             chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.weights)))
-            noise = self._per_sample(own)
+            noise = self._per_sample(weights)
             self.kept[key] = float(np.vdot(noise, noise)), max(seen - smeared - float(chance), 0.0)
         variances: tuple[float, float] = self.kept[key]
         return variances
 
-    def variance(self, own: Array) -> float:
+    def variance(self, weights: Array) -> float:
         """Type A variance of a combination of the unknowns."""
-        return sum(self.variances(own))
+        return sum(self.variances(weights))
 
-    def freedom_of(self, own: Array) -> float:
+    def freedom_of(self, weights: Array) -> float:
         """Degrees of freedom of `variance`: those of its part beyond the white noise of both angles."""
-        rows = scatter_freedom(own @ self.fit.influence, parzen(self.reach), len(self.unknowns))
-        white, beyond = self.variances(own)
+        rows = scatter_freedom(weights @ self.fit.influence, parzen(self.reach), len(self.unknowns))
+        white, beyond = self.variances(weights)
         return effective_freedom(((white**0.5, math.inf), (beyond**0.5, rows)))
 
-    def _per_sample(self, own: Array) -> Array:
+    def _per_sample(self, combination: Array) -> Array:
         """Contribution of the noise of each sample of both angles to a combination of the unknowns, (2, n)."""
-        key = f"samples of {own.tolist()}"
+        key = f"samples of {combination.tolist()}"
         if key not in self.kept:
-            weights, noise = self.row_filter.adjoint(own @ self.fit.influence), (self.noise.angle, self.noise.wheel)
+            weights, noise = (
+                self.row_filter.adjoint(combination @ self.fit.influence),
+                (self.noise.angle, self.noise.wheel),
+            )
             self.kept[key] = np.array(
                 [
                     std * self.part.acting(channel, weights, self.coefficients)

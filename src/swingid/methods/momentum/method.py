@@ -119,7 +119,7 @@ def momentum(check: MomentumCheck, *, memory: str = "auto") -> Result:
         noted(*exact_in_row_one(rig)) + checked + moved.checked + motor.unused(),
         _details(estimate, None if balance is None else balance.as_stated),
         {} if memory == "auto" else {"memory": memory},
-        found=moved.corrections,
+        corrections=moved.corrections,
         # which are correlated at one frequency
         covariance=law.covariances("inertia", "gravity_torque") if equation.seeks("gravity_torque") else {},
     )
@@ -145,7 +145,7 @@ def _estimate(evidence: Evidence) -> _Estimate:
         TIMING: timing_spread(law, evidence.choice.impulse),
         "drift with the length of the windows": drift_with_length(law, evidence.choice.tried, signals),
     }
-    common |= entries(evidence, law.u, own=True)
+    common |= entries(evidence, law.u, of_balance=True)
     common |= {f'disagreement of "{name}" windows': disagreement(law, other) for name, other in others.items()}
     return _Estimate(evidence, others, common, turning_rows)
 
@@ -189,18 +189,18 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)
 
 
-def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array, signals: Signals) -> Scatter:
+def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], weights: Array, signals: Signals) -> Scatter:
     """Type A covariance of the parameters of the body and of the friction, which come from two fits of one log.
 
     body: of the first, among the unknowns of the law windows. own: weights of the friction parameters. Their
     correlation is that by white noise of the samples.
     """
-    first, influence = law.fit.influence[body], own @ friction.influence
+    first, influence = law.fit.influence[body], weights @ friction.influence
     pairs = ((law.rows.windows, first), (friction.rows.windows, influence))
     instants = common_instants([windows for windows, _ in pairs])
     noise = [noise_weights(windows, rows, instants) for windows, rows in pairs]
     of_body = law.covariance[np.ix_(body, body)]
-    of_friction = own @ (friction.covariance + wandering(law, friction, signals)) @ own.T
+    of_friction = weights @ (friction.covariance + wandering(law, friction, signals)) @ weights.T
     matrix = joined(of_body, of_friction, noise[0] @ noise[1].T, noise[0] @ noise[0].T, noise[1] @ noise[1].T)
     count = len(friction.influence) + len(body)
     freedom = [scatter_freedom(row, bartlett(LAG), count) for row in influence]

@@ -108,10 +108,10 @@ def _require_scale(rig: Rig, runs: Sequence[Run], unit: str | None) -> None:
         )
 
 
-def _check(found: Together, rig: Rig) -> None:
+def _check(together: Together, rig: Rig) -> None:
     """Raise where a sign is wrong or the inertia is not identifiable."""
-    law = found.law
-    where = ", ".join(run.name for run in found.runs)
+    law = together.law
+    where = ", ".join(run.name for run in together.runs)
     seen = identifiability_of(law)
     require_seen(seen)
     if law.equation.channel in ("wheel_angle", "torque"):
@@ -123,13 +123,13 @@ def _check(found: Together, rig: Rig) -> None:
             'voltage_sign = -1 under [log] (+1 if it is -1 already), or angle_zero = "up" where 0 is the top.',
             code="wrong-sign",
         )
-    _require_known(found, law.total)
+    _require_known(together, law.total)
 
 
-def _require_known(found: Together, u: float) -> None:
+def _require_known(together: Together, u: float) -> None:
     """Raise NotIdentifiableError where the inertia, of standard uncertainty u, is not known to `HOPELESS`."""
-    law, where = found.law, ", ".join(run.name for run in found.runs)
-    rig, relative = found.runs[0].part.rig, u / max(abs(law.a11), 1e-300)
+    law, where = together.law, ", ".join(run.name for run in together.runs)
+    rig, relative = together.runs[0].part.rig, u / max(abs(law.a11), 1e-300)
     if law.inertia <= 0 or relative > HOPELESS or not np.isfinite(relative):
         spread = "more than its value" if law.inertia <= 0 or relative > 1 else percent(relative)
         raise NotIdentifiableError(
@@ -139,9 +139,9 @@ def _require_known(found: Together, u: float) -> None:
         )
 
 
-def _evaluate(found: Together, rig: Rig, between_logs: float) -> Evaluated:
+def _evaluate(together: Together, rig: Rig, between_logs: float) -> Evaluated:
     """Parameters with their budget."""
-    law = found.law
+    law = together.law
     units = units_on(linear=law.equation.linear)
     values = {"inertia": (law.inertia, law.equation.unit)}
     values |= {name: (law.value(name), units[name]) for name in law.unknowns[1:]}
@@ -152,11 +152,11 @@ def _evaluate(found: Together, rig: Rig, between_logs: float) -> Evaluated:
     freedom = [effective_freedom(((variance**0.5, f), (more**0.5, RANGES - 1))) for variance, f, more in pairs]
     scattered = Scatter("scatter of the windows and sensor noise", law.covariance + between, np.array(freedom))
     common: list[tuple[Source, str, float]] = [
-        (systematic("place of the encoder's grid"), "inertia", found.grid()),
+        (systematic("place of the encoder's grid"), "inertia", together.grid()),
         (
             systematic("drift with the length of the windows"),
             "inertia",
-            drift_with_length(law, found.tried, None, found.variance_between),
+            drift_with_length(law, together.tried, None, together.variance_between),
         ),
         (scatter(BETWEEN_LOGS), "inertia", between_logs),
     ]
@@ -185,17 +185,17 @@ def _between_ranges(law: WindowFit) -> Array:
     return result
 
 
-def _friction_between(found: Together) -> tuple[float, list[Message]]:
+def _friction_between(together: Together) -> tuple[float, list[Message]]:
     """Standard uncertainty of a11 by friction that differs between logs, and a note on what depends on its constancy.
 
     Logs with the same body show whether the friction differs: each but the first of them gets a factor of its own.
     """
-    law, runs = found.law, found.runs
-    if len(runs) < 2 or found.runs[0].part.rig.drive.channel is not None:
+    law, runs = together.law, together.runs
+    if len(runs) < 2 or together.runs[0].part.rig.drive.channel is not None:
         return 0.0, []
     friction = law.rows.sum_of({name: law.value(name) for name in law.friction})  # N m s or N s
     effects, columns = [], []
-    for k, at in enumerate(found.places(law.half)):
+    for k, at in enumerate(together.places(law.half)):
         column = np.zeros_like(friction)
         column[at] = friction[at]
         effects.append(-float(law.fit.influence[0] @ column))
@@ -225,9 +225,9 @@ def _factors(columns: Array, known: Array, extra: Sequence[Array]) -> float:
     return float(np.sqrt(max(np.mean(factors**2 - variances), 0.0) / 2))
 
 
-def _motor_notes(found: Together) -> list[Message]:
+def _motor_notes(together: Together) -> list[Message]:
     """What of the motor is inseparable, and its torque constant and resistance where both products were found."""
-    law, rig = found.law, found.runs[0].part.rig
+    law, rig = together.law, together.runs[0].part.rig
     if rig.drive.channel != "voltage":
         return []
     notes = []
@@ -257,21 +257,21 @@ def _motor_notes(found: Together) -> list[Message]:
     return notes
 
 
-def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated, notes: list[Message]) -> Result:
+def _result(together: Together, prepared: Sequence[Prepared], evaluated: Evaluated, notes: list[Message]) -> Result:
     """The result with its messages and provenance."""
-    law, rig = found.law, prepared[0].rig
+    law, rig = together.law, prepared[0].rig
     warnings: list[Message] = []
-    part_notes = [run.part.note for run in found.runs]
+    part_notes = [run.part.note for run in together.runs]
     notes = [
         *dict.fromkeys(part_notes),
         *exact_in_row_one(rig),
         identifiability_note(law),
         *notes,
-        *_motor_notes(found),
+        *_motor_notes(together),
         *defaults_taken(rig),
         *encoders_cost(rig, evaluated.budget, evaluated.parameters),
     ]
-    for run in found.runs:
+    for run in together.runs:
         add_findings(run.part.log, warnings, notes, used=(run.part.start, run.part.stop))
     return Result(
         method="momentum",
@@ -280,16 +280,16 @@ def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated,
         warnings=tuple(dict.fromkeys(warnings)),
         notes=tuple(dict.fromkeys(notes)),
         budget=tuple(evaluated.budget),
-        provenance=_provenance(found, prepared),
-        details=_details(found) if len(prepared) == 1 else None,
+        provenance=_provenance(together, prepared),
+        details=_details(together) if len(prepared) == 1 else None,
         sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0]),
         correlation=evaluated.correlation,
     )
 
 
-def _details(found: Together) -> Details:
+def _details(together: Together) -> Details:
     """What the report draws of one log."""
-    (run,), law = found.runs, found.law
+    (run,), law = together.runs, together.law
     return Details(
         start=run.part.start,
         stop=run.part.stop,
@@ -303,21 +303,21 @@ def _details(found: Together) -> Details:
     )
 
 
-def _provenance(found: Together, prepared: Sequence[Prepared]) -> dict[str, object]:
+def _provenance(together: Together, prepared: Sequence[Prepared]) -> dict[str, object]:
     """Return the provenance of the only log, or of the first with all logs in the place of one, and the inertias that
     were added.
     """
     rig = prepared[0].rig
-    each = [provenance(run.part.log, rig) for run in found.runs]
+    each = [provenance(run.part.log, rig) for run in together.runs]
     preparation = [
         {
             "corrections": [correction.as_dict() for correction in entry.corrections],
             "part": [run.part.start, run.part.stop],
             "noise": {"angle": run.part.noise.angle, "wheel": None},
         }
-        for entry, run in zip(prepared, found.runs, strict=True)
+        for entry, run in zip(prepared, together.runs, strict=True)
     ]
     if len(each) == 1:
         return each[0] | {"preparation": preparation[0]}
-    bodies = [{"value": run.added.value, "std": run.added.std} for run in found.runs]
+    bodies = [{"value": run.added.value, "std": run.added.std} for run in together.runs]
     return of_several(each[0], each) | {"added": bodies, "preparation": preparation}

@@ -162,11 +162,11 @@ def left_of_channels(searched: Searched) -> dict[str, float]:
     }
 
 
-def is_poor(found: Searched) -> bool:
+def is_poor(searched: Searched) -> bool:
     """Return whether a residual is above what the sensors explain, or the motion diverges."""
-    if not np.isfinite(found.fit.cost):
+    if not np.isfinite(searched.fit.cost):
         return True
-    return max(rms / expected for rms, expected in misfit(found).values()) > POOR
+    return max(rms / expected for rms, expected in misfit(searched).values()) > POOR
 
 
 def _excess(estimate: Estimate) -> str:

@@ -91,21 +91,21 @@ def _constant(key: str, std: float | None, shifts: Array) -> Declared:
     return Declared(stated(key, key), std or 0.0, shifts, constant=True)
 
 
-def _error(setup: Setup, searched: Searched, one: Perturbation) -> Array:
+def _error(setup: Setup, searched: Searched, perturbation: Perturbation) -> Array:
     """Change of the readings (r,) by an error of a channel, per unit.
 
     An error of the wheel as the input is equivalent to the change of the prediction with the opposite sign: a late one
     to an early angle.
     """
-    problem, wheel, of_wheel = searched.problem, setup.part.log.wheel_angle, one.channel == "wheel"
+    problem, wheel, of_wheel = searched.problem, setup.part.log.wheel_angle, perturbation.channel == "wheel"
     here, is_input = problem.wheel if of_wheel else ~problem.wheel, of_wheel and problem.input == "wheel"
-    if one.shape == "latency":
+    if perturbation.shape == "latency":
         rates = searched.fit.prediction.rates
         return np.where(problem.wheel, 0.0, -rates) if is_input else np.where(here, rates, 0.0)
-    shape = SHAPES[one.shape]
+    shape = SHAPES[perturbation.shape]
     if is_input:
         assert wheel is not None
-        return -_other_input(setup, searched, one.std * shape(wheel)) / one.std
+        return -_other_input(setup, searched, perturbation.std * shape(wheel)) / perturbation.std
     return np.where(here, shape(problem.measured), 0.0)
 
 

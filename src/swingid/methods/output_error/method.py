@@ -201,12 +201,12 @@ def _fit_of(setup: Setup, rough: Searched, choice: Choice) -> Searched:
     )
 
 
-def _independent(found: Searched) -> float:
+def _independent(searched: Searched) -> float:
     """Effective number of independent readings: fewer where residuals of neighbours are correlated."""
-    problem, total, runs = found.problem, 0.0, np.zeros(len(SHARES))
+    problem, total, runs = searched.problem, 0.0, np.zeros(len(SHARES))
     for first, last in zip(problem.rows[:-1], problem.rows[1:], strict=True):
         for channel in (False, True):
-            residuals = found.fit.residuals[first:last][problem.wheel[first:last] == channel]
+            residuals = searched.fit.residuals[first:last][problem.wheel[first:last] == channel]
             total += float(residuals @ residuals)
             for k, share in enumerate(SHARES):
                 size = max(len(residuals) // share, 1)

@@ -93,8 +93,8 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
         law = _longest_of_best(tried)
         calm = friction_windows(corrected, tried)
         known = {name: law.value(name) for name in IMPULSES if name in law.unknowns}
-        left = law.uncertainty("memory") if known else impulse
-        friction = fit_friction(corrected, calm.rows, equation, known, left, noise.angle)
+        impulse_u = law.uncertainty("memory") if known else impulse
+        friction = fit_friction(corrected, calm.rows, equation, known, impulse_u, noise.angle)
         settled = before.size > 0 and float(np.max(np.abs(late - before))) < SETTLED * float(np.max(np.abs(late)))
         if settled or "stribeck" not in friction.terms:
             break
@@ -122,8 +122,8 @@ def _changing(
     tried: dict[float, WindowFit], kinds: tuple[SlowKind, ...], signals: Signals, rig: Rig
 ) -> dict[float, WindowFit]:
     """The fits with slow changes of these kinds as unknowns; empty for none."""
-    found = {half: with_slow(fit, signals, kinds) for half, fit in tried.items()} if kinds else {}
-    return {half: with_declared(fit, rig, signals) for half, fit in found.items() if fit is not None}
+    slow = {half: with_slow(fit, signals, kinds) for half, fit in tried.items()} if kinds else {}
+    return {half: with_declared(fit, rig, signals) for half, fit in slow.items() if fit is not None}
 
 
 def _other_causes(fit: WindowFit, signals: Signals) -> Iterator[Array]:
@@ -148,18 +148,18 @@ def _with_memory(
     """
     motion, tried = signals.motion, _fits(rows, equation, noise, BASIS)
     # over a whole swing and more, an impulse at each reversal looks like inertia
-    short = {half: own for half, own in rows.items() if half < ONE_SWING * motion.half_period}
+    short = {half: rows_of_half for half, rows_of_half in rows.items() if half < ONE_SWING * motion.half_period}
     remembered = _fits(short, equation, noise, (*BASIS, "memory"))
     if not remembered or memory == "off":
         return tried, prior[0]
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
-    found = impulse_found(equation, motion, (sharpest.value("memory"), spread), prior, plain.value("coulomb"))
-    terms = (found.terms or impulses_of(motion)) if memory == "on" else found.terms
+    impulse = impulse_found(equation, motion, (sharpest.value("memory"), spread), prior, plain.value("coulomb"))
+    terms = (impulse.terms or impulses_of(motion)) if memory == "on" else impulse.terms
     if not terms:
-        return tried, found.left
-    return remembered if terms == ("memory",) else _fits(short, equation, noise, (*BASIS, *terms)), found.left
+        return tried, impulse.left
+    return remembered if terms == ("memory",) else _fits(short, equation, noise, (*BASIS, *terms)), impulse.left
 
 
 def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
@@ -181,13 +181,13 @@ def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float
     if not fits:
         return tried
     score = {terms: bayesian(_lost(fit), len(terms), independent) for terms, fit in fits.items()}
-    terms = min(score, key=lambda one: score[one])
+    terms = min(score, key=lambda name: score[name])
     for columns in _errors_of_angles(plain, signals):
-        left = float(np.sum(residuals_beside(plain, columns) ** 2))
-        if bayesian(left, columns.shape[1], independent) < score[terms]:
+        least = float(np.sum(residuals_beside(plain, columns) ** 2))
+        if bayesian(least, columns.shape[1], independent) < score[terms]:
             return tried
-    found = {half: _beside(fit, with_near_rest(signals, fit.rows), terms) for half, fit in tried.items()}
-    return {half: fit for half, fit in found.items() if fit is not None}
+    extended = {half: _beside(fit, with_near_rest(signals, fit.rows), terms) for half, fit in tried.items()}
+    return {half: fit for half, fit in extended.items() if fit is not None}
 
 
 def _beside(fit: WindowFit, rows: Rows, terms: tuple[str, ...]) -> WindowFit | None:
@@ -215,16 +215,16 @@ def _lost(fit: WindowFit) -> float:
 def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:
     """Columns of a once-per-turn nonlinearity of the encoders, and of a late channel, where the balance has them."""
     bent = bends(fit.rows, signals, fit.coefficients)
-    found = [bent] if bent.size else []
+    errors = [bent] if bent.size else []
     if not fit.equation.driven:
-        return found
-    return [*found, late_error(fit.rows, signals, fit.coefficients)[:, None]]
+        return errors
+    return [*errors, late_error(fit.rows, signals, fit.coefficients)[:, None]]
 
 
 def _fits(
     rows: dict[float, Rows], equation: Equation, noise: Noise, friction: tuple[str, ...]
 ) -> dict[float, WindowFit]:
-    fits = {half: fit_rows(own, equation, noise, friction) for half, own in rows.items()}
+    fits = {half: fit_rows(rows_of_half, equation, noise, friction) for half, rows_of_half in rows.items()}
     return {half: fit for half, fit in fits.items() if fit is not None}
 
 

@@ -95,6 +95,6 @@ def share_seen(motion: Motion, time: Array, angle: Array, late: Array, noise: fl
     excess = float(late @ rest) / power
     step = typical_step(time)
     white = noise * np.sqrt(150 * step / motion.reach**3) * late / acceleration[seen]
-    left = rest - excess * late
-    variance = max(float(left @ left) / (count - 1) / power, float(white @ white) / power**2)
+    remaining = rest - excess * late
+    variance = max(float(remaining @ remaining) / (count - 1) / power, float(white @ white) / power**2)
     return 1.0 + excess, float(np.sqrt(variance))

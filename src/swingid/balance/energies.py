@@ -29,10 +29,12 @@ def of_energy(rig: Rig, equation: Equation) -> Equation:
         return equation
     more = tuple(Constant(MOTOR + name, getattr(motor, name).std or 0.0) for name in OF_TORQUE)
     constants = (*equation.constants, *more)
-    changes = list(deviations(rig, {one.key for one in constants}))
+    changes = list(deviations(rig, {constant.key for constant in constants}))
     coefficients = dict(equation.coefficients)
     for name, (value, sources) in _of_wheel(rig.drive.a22, motor).items():
-        shared = {key: sum(share * sources.get(one, 0.0) for one, share in each.items()) for key, _, each in changes}
+        shared = {
+            key: sum(share * sources.get(constant, 0.0) for constant, share in each.items()) for key, _, each in changes
+        }
         coefficients[name] = Coefficient(value, sources | {key: change for key, change in shared.items() if change})
     return replace(equation, coefficients=coefficients, constants=constants)
 

@@ -34,38 +34,38 @@ def errors_of(
 
     values: of all coefficients of the equation by name, stated and fitted.
     """
-    constants = [constant_error(rows, equation, one) for one in of_constants(equation) if one.std > 0]
+    constants = [constant_error(rows, equation, error) for error in of_constants(equation) if error.std > 0]
     return [*constants, *channel_errors(rows, signals, of_channels(rig, signals.encoders), values)]
 
 
-def constant_error(rows: Rows, equation: Equation, one: Perturbation) -> RowError:
+def constant_error(rows: Rows, equation: Equation, error: Perturbation) -> RowError:
     """The error of a constant of the equation: −Σ ∂c/∂constant ∫φ f."""
-    direct = -equation.beside.sources.get(one.source, 0.0)
-    return RowError(one, -rows.sum_of(equation.slopes(one.source)), direct)
+    direct = -equation.beside.sources.get(error.source, 0.0)
+    return RowError(error, -rows.sum_of(equation.slopes(error.source)), direct)
 
 
 def sensitivities(rows: Rows, equation: Equation, influence: Array) -> dict[str, float]:
     """Change of J1 per unit of every constant of the rig, by its key, exact ones too; influence: row of a11."""
-    constants = (one for one in of_constants(equation) if one.constant and one.shared_id)
-    errors = (constant_error(rows, equation, one) for one in constants)
+    constants = (constant for constant in of_constants(equation) if constant.constant and constant.shared_id)
+    errors = (constant_error(rows, equation, constant) for constant in constants)
     return {error.source: float(influence @ error.rows) + error.direct for error in errors}
 
 
 def channel_errors(
-    rows: Rows, signals: Signals, found: Sequence[Perturbation], values: Mapping[str, float]
+    rows: Rows, signals: Signals, errors: Sequence[Perturbation], values: Mapping[str, float]
 ) -> list[RowError]:
     """Errors of channels as they act on these rows.
 
     An error of the angle enters friction, too: by a multiple of its own columns where it is one of the scale (see
     `Perturbation.scales_speed`), else negligibly.
     """
-    terms = {one.source: [name for name, *_ in _slopes(signals, one) if values.get(name)] for one in found}
-    missing = (one for one in found if any((one.source, name) not in rows.kept for name in terms[one.source]))
+    terms = {error.source: [name for name, *_ in _slopes(signals, error) if values.get(name)] for error in errors}
+    missing = (error for error in errors if any((error.source, name) not in rows.kept for name in terms[error.source]))
     _keep(rows, signals, list(missing))
     none = np.zeros(len(rows))
     return [
-        RowError(one, -sum((values[name] * rows.kept[one.source, name] for name in terms[one.source]), none))
-        for one in found
+        RowError(error, -sum((values[name] * rows.kept[error.source, name] for name in terms[error.source]), none))
+        for error in errors
     ]
 
 
@@ -73,13 +73,13 @@ def shaped_errors(
     rows: Rows, signals: Signals, channel: str, shapes: Iterable[Array], values: Mapping[str, float]
 ) -> Array:
     """Effects (rows, n) of errors of a channel, "angle" or "wheel", that are given at the nodes."""
-    found = slopes_by(channel, signals.terms)
-    slopes = [(order, slope(signals.angle), values[name]) for name, order, slope in found if values.get(name)]
+    every_slope = slopes_by(channel, signals.terms)
+    slopes = [(order, slope(signals.angle), values[name]) for name, order, slope in every_slope if values.get(name)]
     each = list(shapes)
     columns = [(shape * slope, order) for shape in each for order, slope, _ in slopes]
     parts = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
-    own = np.array([value for *_, value in slopes])
-    result: Array = -parts.reshape(len(rows), len(each), len(slopes)) @ own
+    coefficients = np.array([value for *_, value in slopes])
+    result: Array = -parts.reshape(len(rows), len(each), len(slopes)) @ coefficients
     return result
 
 
@@ -87,8 +87,8 @@ def bends(rows: Rows, signals: Signals, values: Mapping[str, float]) -> Array:
     """Columns (rows, n) of a nonlinearity once per turn of each encoder: cosine and sine of the axis, of the wheel."""
     turns: list[Channel] = [] if signals.linear else ["angle"]
     turns += [] if signals.wheel is None else ["wheel"]
-    found = [encoder_error(signals.encoders, channel, shape) for channel in turns for shape in BENDS]
-    return np.array([one.rows for one in channel_errors(rows, signals, found, values)]).reshape(-1, len(rows)).T
+    errors = [encoder_error(signals.encoders, channel, shape) for channel in turns for shape in BENDS]
+    return np.array([error.rows for error in channel_errors(rows, signals, errors, values)]).reshape(-1, len(rows)).T
 
 
 def late_error(rows: Rows, signals: Signals, values: Mapping[str, float]) -> Array:
@@ -97,46 +97,46 @@ def late_error(rows: Rows, signals: Signals, values: Mapping[str, float]) -> Arr
     return channel_errors(rows, signals, [late], values)[0].rows
 
 
-def _keep(rows: Rows, signals: Signals, found: Sequence[Perturbation]) -> None:
+def _keep(rows: Rows, signals: Signals, errors: Sequence[Perturbation]) -> None:
     """Compute the columns ∫φ ∂f/∂channel s of these errors, which depend neither on values nor on turning points."""
     keys, columns = [], []
     slopes = {}  # of a term at the nodes, the same for all errors
-    for one in found:
-        error, shift = _at_nodes(signals, one)
-        for name, order, slope in _slopes(signals, one):
+    for error in errors:
+        shape, shift = _at_nodes(signals, error)
+        for name, order, slope in _slopes(signals, error):
             if name not in slopes:
                 slopes[name] = slope(signals.angle)
-            keys.append((one.source, name))
-            columns.append((error * slopes[name], order + shift))
+            keys.append((error.source, name))
+            columns.append((shape * slopes[name], order + shift))
     if keys:
         integrals = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
         rows.kept.update(zip(keys, integrals.T, strict=True))
 
 
-def _slopes(signals: Signals, one: Perturbation) -> list[tuple[str, int, Slope]]:
+def _slopes(signals: Signals, error: Perturbation) -> list[tuple[str, int, Slope]]:
     """Terms that depend on the channel of an error, see `slopes_by`."""
-    return slopes_by(_channel(signals, one), signals.terms)
+    return slopes_by(_channel(signals, error), signals.terms)
 
 
-def _channel(signals: Signals, one: Perturbation) -> str:
-    return channel_of(one, signals.source[1].drive.channel)
+def _channel(signals: Signals, error: Perturbation) -> str:
+    return channel_of(error, signals.source[1].drive.channel)
 
 
-def _at_nodes(signals: Signals, one: Perturbation) -> tuple[Array, int]:
+def _at_nodes(signals: Signals, error: Perturbation) -> tuple[Array, int]:
     """The error per unit at the nodes, and the further derivative of φ that it meets.
 
     The rate of a drive that is held is no function of the nodes: ∫φ (−τ') = ∫φ' τ.
     """
-    if one.shape == "level":
-        return signals.level_shapes[one.source], 0
-    channel = _channel(signals, one)
-    if one.shape == "latency" and channel == "wheel":
+    if error.shape == "level":
+        return signals.level_shapes[error.source], 0
+    channel = _channel(signals, error)
+    if error.shape == "latency" and channel == "wheel":
         assert signals.wheel_rate is not None
-        return (signals.wheel_rate if one.channel == "wheel" else -signals.wheel_rate), 0
-    if one.shape == "latency":
+        return (signals.wheel_rate if error.channel == "wheel" else -signals.wheel_rate), 0
+    if error.shape == "latency":
         drive = signals.torque if channel == "torque" else signals.nodes.hold(volts(signals.source[0]), 0.0)
         assert drive is not None
         return drive, 1
     values = signals.wheel if channel == "wheel" else signals.angle
     assert values is not None
-    return SHAPES[one.shape](values), 0
+    return SHAPES[error.shape](values), 0

@@ -77,7 +77,7 @@ class NamedFit:
     def covariances(self, *names: str) -> dict[str, dict[str, float]]:
         """Type A covariances of these unknowns, by their names."""
         at = {name: self.unknowns.index(name) for name in names}
-        return {one: {other: float(self.covariance[i, j]) for other, j in at.items()} for one, i in at.items()}
+        return {first: {second: float(self.covariance[i, j]) for second, j in at.items()} for first, i in at.items()}
 
     @property
     def values(self) -> dict[str, float]:
@@ -222,8 +222,8 @@ def fit_with_prior(
     beside = Beside.of(fit.columns, fit.plain, more.swapaxes(-1, -2))
     least = ROUNDING * np.sqrt(fit.known @ fit.known / (rows + np.any(more, axis=-1).sum(axis=-1)))
 
-    def error_of(left: Array) -> Array:
-        result: Array = np.maximum(np.sqrt(LAG / 2 / rows) * np.linalg.norm(left, axis=-1), least)
+    def error_of(residuals: Array) -> Array:
+        result: Array = np.maximum(np.sqrt(LAG / 2 / rows) * np.linalg.norm(residuals, axis=-1), least)
         return result
 
     error, before = error_of(fit.fit.residuals), np.asarray(np.inf)
@@ -276,14 +276,14 @@ def with_fitted(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: i
     covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.equation, fit.noise)
     spreads = np.linalg.norm(solved.influence[:, p:], axis=2) * errors[:, None]
     shifts = solved.influence[:, :p, rows:] * errors[:, None, None]
-    found = []
+    fits = []
     for k, items in enumerate(several):
         effects = tuple(
             Effect(item, shifts[k, :, j], float(solved.values[k, p + j]), float(spreads[k, j]))
             for j, item in enumerate(items)
         )
-        found.append(replace(fit, fit=data[k], covariance=covariance[k], computed=float(computed[k]), declared=effects))
-    return found
+        fits.append(replace(fit, fit=data[k], covariance=covariance[k], computed=float(computed[k]), declared=effects))
+    return fits
 
 
 def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit | None:
@@ -299,8 +299,8 @@ def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit |
             others = (item for item in items if item.source != GRAVITY and not item.of.of_noise)
             effects = tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others)
             fit.kept["gravity free"] = replace(free, declared=effects)
-    found: WindowFit | None = fit.kept.setdefault("gravity free", None)
-    return found
+    kept: WindowFit | None = fit.kept.setdefault("gravity free", None)
+    return kept
 
 
 def covariance_of(
@@ -334,17 +334,17 @@ def covariance_by(
     By sensor noise, and by the scatter of the residuals (of the fit, if not given) beyond it. unknowns: which these
     residuals (..., windows) have used, if not those of the fit.
     """
-    left = fit.fit.residuals if residuals is None else residuals
+    used_residuals = fit.fit.residuals if residuals is None else residuals
     used = len(fit.unknowns) if unknowns is None else unknowns
-    found = LinearFit(np.zeros(used), left, influence, 1.0).covariance(LAG)
-    own = found.diagonal(0, -2, -1)
+    covariance = LinearFit(np.zeros(used), used_residuals, influence, 1.0).covariance(LAG)
+    scattered = covariance.diagonal(0, -2, -1)
     sensor, seen = sensor_variance(fit.rows, influence, fit.coefficients, fit.noise)
-    variances = with_excess(sensor, seen, own, max(len(fit.rows) - used, 1))
-    scale = np.sqrt(variances / np.maximum(own, 1e-300))
-    found *= scale[..., :, None] * scale[..., None, :]
+    variances = with_excess(sensor, seen, scattered, max(len(fit.rows) - used, 1))
+    scale = np.sqrt(variances / np.maximum(scattered, 1e-300))
+    covariance *= scale[..., :, None] * scale[..., None, :]
     at = np.arange(influence.shape[-2])
-    found[..., at, at] = variances
-    return found
+    covariance[..., at, at] = variances
+    return covariance
 
 
 def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
@@ -379,12 +379,12 @@ def sensor_variance(rows: Rows, influence: Array, values: Mapping[str, Any], noi
     gravity = pull * windows.middle**2 / (a11 if np.all(a11) else np.where(a11 == 0.0, np.inf, a11))
     axis, wheel = (a11 * noise.of_angle) ** 2 * noise.step, (a12 * noise.of_wheel) ** 2 * noise.step
     of_axis, of_wheel = overlaps(influence * windows.loudness, windows.neighbours, LAG, gravity)
-    found = np.maximum(of_axis, 0.0) * np.asarray(axis)[..., None] + np.maximum(of_wheel, 0.0) * wheel
+    variances = np.maximum(of_axis, 0.0) * np.asarray(axis)[..., None] + np.maximum(of_wheel, 0.0) * wheel
     if noise.rate or noise.wheel_rate:
         rates = ((a11 * noise.rate) ** 2 + (a12 * noise.wheel_rate) ** 2) * noise.step
         of_rate = rate_overlaps(influence / np.sqrt(windows.half), windows.neighbours, LAG)
-        found += np.maximum(of_rate, 0.0) * np.asarray(rates)[..., None]
-    return found[..., 0], found[..., 1]
+        variances += np.maximum(of_rate, 0.0) * np.asarray(rates)[..., None]
+    return variances[..., 0], variances[..., 1]
 
 
 def column_noise(windows: Windows, noise: Noise) -> float:

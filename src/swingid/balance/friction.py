@@ -66,7 +66,7 @@ def fit_friction(
     choice = LawChoice.of(body, friction.columns, target, friction.knots, slowest_peak(signals.motion, noise))
     law, values = choice.best.law, dict(zip(names, choice.best.values.tolist(), strict=False))
     own_terms = {name: values[name] for name in equation.own_friction}
-    own = [*range(size := len(law.unknowns)), *(size + names.index(name) for name in own_terms)]
+    places = [*range(size := len(law.unknowns)), *(size + names.index(name) for name in own_terms)]
     covariance, influence = _fitted(friction, body, target, law, impulse)
     curve = _curve(friction, law, covariance[:size, :size], choice, len(target))
     return FrictionLaw(
@@ -75,8 +75,8 @@ def fit_friction(
         law.coefficients,
         law.stribeck_speed,
         own_terms,
-        covariance[np.ix_(own, own)],
-        influence[own],
+        covariance[np.ix_(places, places)],
+        influence[places],
         rows,
         curve,
     )
@@ -125,8 +125,10 @@ def _curve(friction: FrictionRows, law: Law, covariance: Array, choice: LawChoic
     """
     coarse = speed_knots(friction.knots[-1], CURVE_KNOTS)
     # what the law and the inertia can describe is no part of the deviations
-    left, products, shared = choice.beside(friction.law(law.terms, law.stribeck_speed), _deviations(friction, coarse))
-    noise = LAG / 2 * left / rows
+    remaining, products, shared = choice.beside(
+        friction.law(law.terms, law.stribeck_speed), _deviations(friction, coarse)
+    )
+    noise = LAG / 2 * remaining / rows
     eigen, vectors = np.linalg.eigh(products)
     eigen = np.maximum(eigen, 0.0)
     projected = vectors.T @ shared
@@ -134,9 +136,9 @@ def _curve(friction: FrictionRows, law: Law, covariance: Array, choice: LawChoic
     shrunk = width / (noise + width * eigen) if noise > 0 else np.zeros_like(eigen)
     speeds = curve_speeds(friction.knots[-1], rest=False)
     # the two values at rest only allow a jump there
-    own = np.r_[: len(speeds) // 2, len(speeds) // 2 + 2 : len(speeds) + 2]
-    deviation = (vectors @ (shrunk * projected))[own]
-    spread = ((vectors**2) @ (shrunk * noise))[own]
+    places = np.r_[: len(speeds) // 2, len(speeds) // 2 + 2 : len(speeds) + 2]
+    deviation = (vectors @ (shrunk * projected))[places]
+    spread = ((vectors**2) @ (shrunk * noise))[places]
     variance = spread + _between_laws(choice, law, speeds)
     return law.curve_at(speeds, covariance, choice.scores(), deviation, variance)
 
@@ -156,13 +158,13 @@ def _deviations(friction: FrictionRows, coarse: Array) -> Array:
 
 def _between_laws(choice: LawChoice, law: Law, speeds: Array) -> Array:
     """Variance of the torque over the laws tried, weighted by their criterion (Bayesian model averaging)."""
-    own, at = law.torque(speeds), {name: term(speeds) for name, term in TERMS.items()}
+    torques, at = law.torque(speeds), {name: term(speeds) for name, term in TERMS.items()}
     variance = np.zeros(len(speeds))
     for name, weight in choice.weights().items():
         other = choice.trials[name].law
         if "stribeck" in other.terms:
             at["stribeck"] = stribeck_peak(speeds, other.stribeck_speed)
-        variance += weight * (other.coefficients @ np.array([at[term] for term in other.terms]) - own) ** 2
+        variance += weight * (other.coefficients @ np.array([at[term] for term in other.terms]) - torques) ** 2
     return variance
 
 

@@ -138,7 +138,7 @@ def parameter_weights(terms: tuple[str, ...]) -> dict[str, Array]:
         weights["viscous_negative"] = viscous - unit["viscous_even"]
     elif "viscous" in unit:
         weights["viscous"] = unit["viscous"]
-    weights |= {name: own for name, own in unit.items() if name not in DIRECTED_TERMS}
+    weights |= {name: weights_of_term for name, weights_of_term in unit.items() if name not in DIRECTED_TERMS}
     if "offset" in unit and not (directed and "coulomb" in unit):
         weights["offset"] = unit["offset"]
     return weights

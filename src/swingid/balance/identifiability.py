@@ -75,8 +75,8 @@ class Identifiability:
         variances = np.maximum(np.diag(self.covariance), 1e-300)
         squared = self.covariance[0] ** 2 / (variances[0] * variances)
         order = np.argsort(-squared[1:], kind="stable") + 1
-        found = (self.wanted, *(self.names[k] for k in order if squared[k] > TRADES))
-        return found if len(found) > 1 or self.inflation < GREATLY else (self.wanted, *self._pair())
+        names = (self.wanted, *(self.names[k] for k in order if squared[k] > TRADES))
+        return names if len(names) > 1 or self.inflation < GREATLY else (self.wanted, *self._pair())
 
     def _pair(self) -> tuple[str, ...]:
         """The two unknowns that together explain most of the wanted one, where no single one does: two springs."""
@@ -84,8 +84,8 @@ class Identifiability:
         correlation = self.covariance / np.outer(spread, spread)
         best, pair = TRADES, tuple[str, ...]()
         for i, j in combinations(range(1, len(self.names)), 2):
-            own = correlation[[i, j]]
-            explained = float(own[:, 0] @ fit_linear(own[:, [i, j]], own[:, 0]).values)
+            correlations = correlation[[i, j]]
+            explained = float(correlations[:, 0] @ fit_linear(correlations[:, [i, j]], correlations[:, 0]).values)
             if explained > best:
                 best, pair = explained, (self.names[i], self.names[j])
         return pair

@@ -98,16 +98,16 @@ class LawChoice:
     @cached_property
     def trials(self) -> dict[str, Trial]:
         """The laws that were not rejected, by name."""
-        found = self._tried()
+        tried = self._tried()
         if len(self.knots) and self.slowest < STRIBECK_SHARES[-1] * self.knots[-1]:
-            scores = self._criteria(found, bayesian)
-            direction = min(scores, key=lambda name: scores[name]).partition(",")[2] if found else None
+            scores = self._criteria(tried, bayesian)
+            direction = min(scores, key=lambda name: scores[name]).partition(",")[2] if tried else None
             for name in (name for name in self.names if "stribeck" in law_terms(name)):
                 if direction in (None, name.partition(",")[2]):
-                    speed = np.array([self._likeliest_speed(name, found)])
+                    speed = np.array([self._likeliest_speed(name, tried)])
                     products = self._with(peak_weights(self.knots, speed), range(self.body + len(EXACT)))
-                    found |= replace(self, gram=products, names=(name,), peaks=speed)._tried()
-        return found
+                    tried |= replace(self, gram=products, names=(name,), peaks=speed)._tried()
+        return tried
 
     @cached_property
     def best(self) -> Trial:
@@ -142,7 +142,9 @@ class LawChoice:
         return max(float(rest[-1, -1]), RESOLVED * float(matrix[-1, -1]), 1e-300), rest[:-1, :-1], rest[:-1, -1]
 
     def _criteria(self, trials: dict[str, Trial], criterion: Criterion) -> dict[str, float]:
-        return {name: criterion(one.lost, len(one.law.unknowns), self.independent) for name, one in trials.items()}
+        return {
+            name: criterion(trial.lost, len(trial.law.unknowns), self.independent) for name, trial in trials.items()
+        }
 
     def _tried(self) -> dict[str, Trial]:
         """The laws whose terms have columns, all at once; of several peaks that of the least residuals."""
@@ -152,12 +154,12 @@ class LawChoice:
         lost = np.maximum(lost, ROUNDING * float(self.gram[-1, -1]))
         variance = lost / self.independent
         dissipates = _none_below(sides, values, inverse, variance, self.level)
-        found: dict[str, Trial] = {}
+        best: dict[str, Trial] = {}
         for k, (name, peak, places) in enumerate(laws):
-            if (dissipates[k] or name == self.kept) and (name not in found or lost[k] < found[name].lost):
+            if (dissipates[k] or name == self.kept) and (name not in best or lost[k] < best[name].lost):
                 law = Law(name, law_terms(name), values[k, places], np.nan if peak < 0 else float(self.peaks[peak]))
-                found[name] = Trial(law, float(lost[k]), values[k], float(inverse[k, 0, 0] * variance[k]))
-        return found
+                best[name] = Trial(law, float(lost[k]), values[k], float(inverse[k, 0, 0] * variance[k]))
+        return best
 
     def _likeliest_speed(self, name: str, others: dict[str, Trial]) -> float:
         """The likeliest speed of a peak: the best of a grid, then by Gauss–Newton while better and within the grid.
@@ -167,8 +169,8 @@ class LawChoice:
         fastest = float(self.knots[-1])
         least = max(STRIBECK_SHARES[0], self.slowest / fastest)
         grid = fastest * np.geomspace(least, STRIBECK_SHARES[-1], len(STRIBECK_SHARES))
-        found = [one.law.stribeck_speed for one in others.values() if one.law.peak]
-        starts = np.array(found) if found else grid
+        speeds = [trial.law.stribeck_speed for trial in others.values() if trial.law.peak]
+        starts = np.array(speeds) if speeds else grid
         lost, heights = self._with_peak(name, peak_weights(self.knots, starts), np.eye(len(starts)))
         best = int(np.argmin(lost))
         speed, smallest, height = float(starts[best]), float(lost[best]), float(heights[best, best])
@@ -191,8 +193,8 @@ class LawChoice:
 
         used (fits, columns): which of them each fit has. Also their coefficients (fits, columns).
         """
-        own = [self.body + place for place in places_of(law_terms(name)) if place >= 0]
-        matrix = self._with(weights, [*range(self.body), *own])
+        places = [self.body + place for place in places_of(law_terms(name)) if place >= 0]
+        matrix = self._with(weights, [*range(self.body), *places])
         columns = np.ones((len(used), len(matrix) - 1), dtype=bool)
         columns[:, -len(weights) :] = used
         lost, values, _ = _solved(matrix, columns)
@@ -257,20 +259,20 @@ def _layout(names: tuple[str, ...], body: int, peaks: int) -> tuple[list[tuple[s
     laws = [(name, -1) for name in names if "stribeck" not in law_terms(name)]
     laws += [(name, k) for name in names if "stribeck" in law_terms(name) for k in range(peaks)]
     used = np.zeros((len(laws), body + len(EXACT) + peaks), dtype=bool)
-    sides, found = np.zeros((len(laws), MOST_SIDES, used.shape[1])), []
+    sides, layouts = np.zeros((len(laws), MOST_SIDES, used.shape[1])), []
     for k, (name, peak) in enumerate(laws):
         places = places_of(law_terms(name))
         places = body + np.where(places < 0, len(EXACT) + peak, places)
-        own = _sides(law_terms(name))
-        used[k, :body], used[k, places], sides[k, : len(own), places] = True, True, own.T
-        found.append((name, peak, places))
-    return found, used, sides
+        sides_of_law = _sides(law_terms(name))
+        used[k, :body], used[k, places], sides[k, : len(sides_of_law), places] = True, True, sides_of_law.T
+        layouts.append((name, peak, places))
+    return layouts, used, sides
 
 
 def _sides(terms: tuple[str, ...]) -> Array:
     """Weights of the coefficients of a law that give its torques in either direction."""
     unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
-    sides = [own for term, own in unit.items() if term not in ("offset", "viscous_even")]
+    sides = [side for term, side in unit.items() if term not in ("offset", "viscous_even")]
     if "viscous_even" in unit:
         viscous, even = unit.get("viscous", np.zeros(len(terms))), unit["viscous_even"]
         sides += [viscous + even, viscous - even]

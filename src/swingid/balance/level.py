@@ -34,12 +34,14 @@ def amounts_left(law: WindowFit, signals: Signals) -> dict[str, float] | None:
     level = signals.encoders.level
     if level is None or not law.wandering or level.zero_std == 0:
         return None
-    found = {effect.item.source: _error(effect) for effect in law.wandering}
+    amounts = {effect.item.source: _error(effect) for effect in law.wandering}
     pull = sum(law.value(name) * slope for name, slope in law.rows.pulls.items())
-    found[ZERO] -= law.value("offset") / pull if pull > 0 else 0.0
+    amounts[ZERO] -= law.value("offset") / pull if pull > 0 else 0.0
     unknowns = level.unknowns(signals.nodes.stamps)
-    drift = sum((amount * unknowns[name].shape for name, amount in found.items()), np.zeros(len(signals.nodes.stamps)))
-    return found if float(np.max(np.abs(drift))) > SMALL else None
+    drift = sum(
+        (amount * unknowns[name].shape for name, amount in amounts.items()), np.zeros(len(signals.nodes.stamps))
+    )
+    return amounts if float(np.max(np.abs(drift))) > SMALL else None
 
 
 def _error(effect: Effect) -> float:
@@ -49,21 +51,21 @@ def _error(effect: Effect) -> float:
 
 def wandering(law: WindowFit, friction: FrictionLaw, signals: Signals) -> Array:
     """Covariance of the terms of friction by what is left unknown of the angle."""
-    level, found = signals.encoders.level, np.zeros_like(friction.covariance)
+    level, covariance = signals.encoders.level, np.zeros_like(friction.covariance)
     if level is None or not law.wandering:
-        return found
-    left = channel_errors(friction.rows, signals, [effect.item.of for effect in law.wandering], law.coefficients)
-    for effect, error in zip(law.wandering, left, strict=True):
+        return covariance
+    errors = channel_errors(friction.rows, signals, [effect.item.of for effect in law.wandering], law.coefficients)
+    for effect, error in zip(law.wandering, errors, strict=True):
         change = friction.influence @ error.rows * effect.spread * effect.item.std
-        found += np.outer(change, change)
-    return found
+        covariance += np.outer(change, change)
+    return covariance
 
 
-def with_bias(found: Evaluated, law: WindowFit, part: Part) -> Evaluated:
+def with_bias(evaluated: Evaluated, law: WindowFit, part: Part) -> Evaluated:
     """The parameters with the bias of the rate, where one was logged: by the balance, else by the centres of swings."""
     level = part.encoders.level
     if level is None:
-        return found
+        return evaluated
     value, u = level.bias.value, level.bias.std
     for effect in law.wandering:
         if effect.item.source == BIAS:
@@ -71,5 +73,8 @@ def with_bias(found: Evaluated, law: WindowFit, part: Part) -> Evaluated:
     bias = Parameter.of(value, u, "m/s" if law.equation.linear else "rad/s")
     entries = [] if u is None else [BudgetEntry(scatter("scatter of the windows and sensor noise"), PARAMETER, u)]
     return Evaluated(
-        found.parameters | {PARAMETER: bias}, [*found.budget, *entries], found.correlation, found.sensitivities
+        evaluated.parameters | {PARAMETER: bias},
+        [*evaluated.budget, *entries],
+        evaluated.correlation,
+        evaluated.sensitivities,
     )

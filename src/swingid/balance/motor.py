@@ -104,8 +104,8 @@ class _Reading:
 
     def residual(self) -> float:
         """Residual relative to the left side, beyond what noise leaves."""
-        left = np.maximum(np.abs(self.inertial - self.driven) - self.open, 0.0)
-        unexplained = max(float(np.mean(left**2)) - 2 * self.expected, 0.0)
+        remaining = np.maximum(np.abs(self.inertial - self.driven) - self.open, 0.0)
+        unexplained = max(float(np.mean(remaining**2)) - 2 * self.expected, 0.0)
         return float(np.sqrt(unexplained / self.power))
 
     def refitted(self, used: Bools) -> float:
@@ -113,8 +113,8 @@ class _Reading:
 
         At least that by noise: few windows with noise only do not distinguish the readings.
         """
-        left = fit_linear(self.free[used], (self.inertial - self.driven)[used]).residuals
-        return float(np.sqrt(max(float(np.mean(left**2)), 2 * self.expected) / self.power))
+        remaining = fit_linear(self.free[used], (self.inertial - self.driven)[used]).residuals
+        return float(np.sqrt(max(float(np.mean(remaining**2)), 2 * self.expected) / self.power))
 
     @property
     def power(self) -> float:
@@ -187,16 +187,16 @@ def free_balance(rig: Rig, signals: Signals, noise: Noise) -> MotorBalance | Non
     wheel = WheelRows.of(signals, law_windows(signals, QUARTER * signals.motion.half_period), noise, SWINGS)
     if len(wheel.windows) < FEWEST_ROWS:
         return None
-    voltage, one = wheel.voltage(held=log.drive_held), np.ones_like(wheel.rate)
+    voltage, ones = wheel.voltage(held=log.drive_held), np.ones_like(wheel.rate)
 
     def side(rate: Array, slow: float) -> Array:
-        return np.stack([0.0 * one, np.abs(rate) < slow, voltage, np.sign(voltage), one, rate, np.sign(rate)])
+        return np.stack([0.0 * ones, np.abs(rate) < slow, voltage, np.sign(voltage), ones, rate, np.sign(rate)])
 
     readings = _readings(wheel, rig, noise, side)
-    used = np.maximum(*(one.open for one in readings)) < RESTLESS * wheel.windows.half
+    used = np.maximum(*(reading.open for reading in readings)) < RESTLESS * wheel.windows.half
     if np.count_nonzero(used) < FEWEST_ROWS:
         return None
-    as_stated, otherwise = (one.refitted(used) for one in readings)
+    as_stated, otherwise = (reading.refitted(used) for reading in readings)
     return MotorBalance(as_stated, otherwise, np.inf, rig.log.wheel_angle_is == "relative")
 
 

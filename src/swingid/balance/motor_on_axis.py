@@ -41,6 +41,6 @@ def with_motor(rows: Rows, signals: Signals) -> Rows:
     columns = [(-at_nodes, 0), (signals.speed * signals.nodes.hold(closed, late), 0)]
     part = project(signals.nodes, columns, windows.centres, windows.half)
     at_edges = np.interp(signals.edges[:-1], log.time, np.abs(voltage))
-    found = dict(zip(MOTOR_TERMS, part.T, strict=True))
-    found["gear_friction"] = dry_column(signals, windows, np.abs(at_nodes), at_edges)
-    return rows.beside(found)
+    by_name = dict(zip(MOTOR_TERMS, part.T, strict=True))
+    by_name["gear_friction"] = dry_column(signals, windows, np.abs(at_nodes), at_edges)
+    return rows.beside(by_name)

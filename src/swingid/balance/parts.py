@@ -86,9 +86,12 @@ def fewest(law: WindowFit) -> int:
     return max(2 * LAG, LAG * len(law.unknowns))
 
 
-def unexplained(found: Sequence[Comparison], u: float) -> float:
+def unexplained(comparisons: Sequence[Comparison], u: float) -> float:
     """Standard uncertainty of a11 by the disagreement of parts."""
-    return max((dark_uncertainty(one.off, one.u**2, u, len(found)) for one in found), default=0.0)
+    return max(
+        (dark_uncertainty(comparison.off, comparison.u**2, u, len(comparisons)) for comparison in comparisons),
+        default=0.0,
+    )
 
 
 def compared(law: WindowFit, signals: Signals) -> list[Comparison]:
@@ -97,10 +100,14 @@ def compared(law: WindowFit, signals: Signals) -> list[Comparison]:
     if float(law.fit.residuals @ law.fit.residuals) < SLIGHT**2 * power:
         return []
     least = fewest(law)
-    divided = [found for found in divisions(law, signals) if min(np.count_nonzero(part) for part in found[1:]) >= least]
+    divided = [
+        division
+        for division in divisions(law, signals)
+        if min(np.count_nonzero(part) for part in division[1:]) >= least
+    ]
     return [
         *trends(law, signals),
-        *_comparisons(law, [name for name, *_ in divided], np.array([own for _, *own in divided])),
+        *_comparisons(law, [name for name, *_ in divided], np.array([sides for _, *sides in divided])),
     ]
 
 
@@ -121,7 +128,7 @@ def covariates(law: WindowFit, signals: Signals) -> dict[str, Array]:
 
     Each where it varies, and is not one of those before.
     """
-    motion, found = signals.motion, dict[str, Array]()
+    motion, by_name = signals.motion, dict[str, Array]()
     if len(motion.turning_times) < 4:
         return {}
     times, angles = motion.turning_times, motion.turning_angles
@@ -132,11 +139,13 @@ def covariates(law: WindowFit, signals: Signals) -> dict[str, Array]:
         "place": (times[1:-1], places / median(motion.swing_sizes)),
     }
     for name, (instants, values) in each.items():
-        own = np.interp(law.rows.windows.centres, instants, values)
-        least, most = np.quantile(own, THIRDS)
-        if most - least > VARIES and all(abs(np.corrcoef(own, other)[0, 1]) < SAME for other in found.values()):
-            found[name] = own
-    return found
+        at_windows = np.interp(law.rows.windows.centres, instants, values)
+        least, most = np.quantile(at_windows, THIRDS)
+        if most - least > VARIES and all(
+            abs(np.corrcoef(at_windows, other)[0, 1]) < SAME for other in by_name.values()
+        ):
+            by_name[name] = at_windows
+    return by_name
 
 
 def trends(law: WindowFit, signals: Signals) -> list[Comparison]:
@@ -178,13 +187,13 @@ def _comparisons(law: WindowFit, names: Sequence[str], parts: Bools) -> list[Com
     if not names:
         return []
     fits, whole = _fits_of(law, parts.reshape(-1, parts.shape[-1])), law.fit.influence[0]
-    one, other = fits.influence[:, 0].reshape(parts.shape).swapaxes(0, 1)
+    first, second = fits.influence[:, 0].reshape(parts.shape).swapaxes(0, 1)
     rests = fits.residuals.reshape(parts.shape).sum(axis=1)
-    estimates = np.stack([one, other, np.broadcast_to(whole, one.shape)], axis=1)
+    estimates = np.stack([first, second, np.broadcast_to(whole, first.shape)], axis=1)
     rows, used = parts.any(axis=1).sum(axis=1), 2 * len(law.unknowns)
-    found = _variances(law, estimates, [[1, -1, 0], [0.5, 0.5, -1]], rests, rows, used)
+    variances = _variances(law, estimates, [[1, -1, 0], [0.5, 0.5, -1]], rests, rows, used)
     changes = fits.values[:, 0].reshape(-1, 2)
-    return [_comparison(law, *each) for each in zip(names, changes.tolist(), found.tolist(), strict=True)]
+    return [_comparison(law, *each) for each in zip(names, changes.tolist(), variances.tolist(), strict=True)]
 
 
 def _variances(
@@ -197,27 +206,27 @@ def _variances(
     """
     weights = np.array([*np.eye(2, estimates.shape[-2]), *combined])
     influence = weights @ estimates
-    found = covariance_by(law, influence, rests, used).diagonal(0, -2, -1)
-    found = found + np.sum((influence @ declared_effects(law)) ** 2, axis=-1)
+    variances = covariance_by(law, influence, rests, used).diagonal(0, -2, -1)
+    variances = variances + np.sum((influence @ declared_effects(law)) ** 2, axis=-1)
     bent = law.a11 * column_noise(law.rows.windows, law.noise) * np.sum(estimates**2, axis=-1)
-    found[..., 2:] += (bent @ weights[2:].T) ** 2
+    variances[..., 2:] += (bent @ weights[2:].T) ** 2
     spare = rows / (LAG / 2) - used
-    found *= np.where(spare > 4, spare / np.maximum(spare - 2, 1), 2.0)[..., None]  # of Student's t
-    result: Array = found
+    variances *= np.where(spare > 4, spare / np.maximum(spare - 2, 1), 2.0)[..., None]  # of Student's t
+    result: Array = variances
     return result
 
 
-def _comparison(law: WindowFit, name: str, changes: list[float], found: list[float]) -> Comparison:
+def _comparison(law: WindowFit, name: str, changes: list[float], variances: list[float]) -> Comparison:
     """changes: of a11 by each part. found: variances of both, of their difference, and of their mean less the whole."""
-    first, second = ((law.a11 + change, u**0.5) for change, u in zip(changes, found, strict=False))
+    first, second = ((law.a11 + change, u**0.5) for change, u in zip(changes, variances, strict=False))
     if name in MIRRORED:
-        mean = max(2 * (found[0] + found[1]) - found[2], 1e-300) ** 0.5 / 2  # of both estimates
+        mean = max(2 * (variances[0] + variances[1]) - variances[2], 1e-300) ** 0.5 / 2  # of both estimates
         share = min(1.0, law.u / mean)
-        off, u = share * (changes[0] + changes[1]) / 2, share * found[3] ** 0.5
+        off, u = share * (changes[0] + changes[1]) / 2, share * variances[3] ** 0.5
     else:
-        share = min(0.5, law.u / max(found[2], 1e-300) ** 0.5)
-        off, u = share * (changes[0] - changes[1]), share * found[2] ** 0.5
-    return Comparison(name, first, second, found[2], off, u)
+        share = min(0.5, law.u / max(variances[2], 1e-300) ** 0.5)
+        off, u = share * (changes[0] - changes[1]), share * variances[2] ** 0.5
+    return Comparison(name, first, second, variances[2], off, u)
 
 
 @dataclass(frozen=True)
@@ -239,7 +248,7 @@ def predicted(law: WindowFit) -> Prediction | None:
     halves' unknowns, of covariance V, and X the columns there: Q is distributed as Σ λ_i χ²_1 with λ_i the eigenvalues
     of XᵀX V, nearly as a multiple of χ² of the same mean and variance (Satterthwaite).
     """
-    count, columns, left = len(law.unknowns), law.columns, law.fit.residuals
+    count, columns, residuals = len(law.unknowns), law.columns, law.fit.residuals
     early = law.rows.windows.centres < median(law.rows.windows.centres)
     if min(int(early.sum()), int((~early).sum())) < fewest(law):
         return None
@@ -251,7 +260,7 @@ def predicted(law: WindowFit) -> Prediction | None:
     difference, last = columns[~early] @ (fits.values[0] - fits.values[1]), fits.residuals[1]
     excess, rest = float(difference @ difference), float(last @ last)
     mean, power = float(np.trace(spread)), float(np.trace(spread @ spread))
-    freedom = len(left) / (LAG / 2) - 2 * count
+    freedom = len(residuals) / (LAG / 2) - 2 * count
     if not (mean > 0 and power > 0) or freedom < count:
         return None
     significance = normal_of_ratio(excess / mean, mean**2 / power, freedom)

@@ -108,14 +108,14 @@ class RowError:
         return self.of.on(np.append(slopes[:1] + self.direct, slopes[1:]))
 
 
-def channel_of(one: Perturbation, drive: str | None) -> str:
+def channel_of(perturbation: Perturbation, drive: str | None) -> str:
     """The channel that an error of a channel acts on: an angle that is late is a drive that is early.
 
     drive: its channel, as of `Drive.channel`.
     """
-    if one.shape == "latency" and one.channel == "angle":
+    if perturbation.shape == "latency" and perturbation.channel == "angle":
         return (drive or "").removesuffix("_angle")
-    return one.channel or ""
+    return perturbation.channel or ""
 
 
 Slope = Callable[[Array], Array | float]
@@ -134,7 +134,7 @@ def slopes_by(channel: str, terms: Mapping[str, RigTerm]) -> list[tuple[str, int
         return [("torque", 0, _one)]
     if channel == "voltage":
         return [("torque_per_volt", 0, lambda _: -1.0)]
-    held = [(name, 0, one.stiffness) for name, one in terms.items() if one.term.is_conservative]
+    held = [(name, 0, term.stiffness) for name, term in terms.items() if term.term.is_conservative]
     return [("inertia", 2, _one), *held]
 
 
@@ -148,21 +148,25 @@ def propagated(errors: Iterable[RowError], influence: Array, weights: Array | No
     influence (n, rows): of the fit; weights (m, n): of the parameters on its unknowns, where these are not the same.
     """
     slopes = ((error, influence @ error.rows) for error in errors)
-    return [error.on(own if weights is None else weights @ own) for error, own in slopes]
+    return [error.on(slopes_of if weights is None else weights @ slopes_of) for error, slopes_of in slopes]
 
 
 def of_constants(equation: Equation) -> Iterator[Perturbation]:
     """The constants that the coefficients of an equation are made of, exact ones (std 0) too."""
-    for one in equation.constants:
+    for constant in equation.constants:
         yield Perturbation(
-            one.key, one.std, one.key if one.shared else None, constant=not one.deviation, of_time=one.key == CLOCK
+            constant.key,
+            constant.std,
+            constant.key if constant.shared else None,
+            constant=not constant.deviation,
+            of_time=constant.key == CLOCK,
         )
 
 
 def of_channels(rig: Rig, encoders: Encoders) -> list[Perturbation]:
     """What is stated as uncertain of the encoders and of the log's columns, always in the same order."""
-    found = [*_nonlinearities(rig, encoders), *_latencies(rig, encoders), *_scales(rig), *_level(encoders)]
-    return [one for one in found if one.std > 0]
+    perturbations = [*_nonlinearities(rig, encoders), *_latencies(rig, encoders), *_scales(rig), *_level(encoders)]
+    return [perturbation for perturbation in perturbations if perturbation.std > 0]
 
 
 def encoder_error(encoders: Encoders, channel: Channel, shape: Shape, *, fitted: bool = False) -> Perturbation:
@@ -218,9 +222,9 @@ def _level(encoders: Encoders) -> Iterator[Perturbation]:
     level = encoders.level
     if level is None:
         return
-    for name, one in level.unknowns(np.zeros(1)).items():
-        mean = one.taken / one.std
-        yield Perturbation(name, one.std, None, "angle", "level", fitted=True, of_noise=True, mean=mean)
+    for name, unknown in level.unknowns(np.zeros(1)).items():
+        mean = unknown.taken / unknown.std
+        yield Perturbation(name, unknown.std, None, "angle", "level", fitted=True, of_noise=True, mean=mean)
 
 
 def declared_with_deviations(rig: Rig, constants: Iterable[Declared]) -> Iterator[Declared]:
@@ -228,9 +232,9 @@ def declared_with_deviations(rig: Rig, constants: Iterable[Declared]) -> Iterato
 
     For methods whose rows are not those of equation (I).
     """
-    found = {one.source.name: one for one in constants}
-    yield from found.values()
-    for key, std, weights in deviations(rig, set(found)):
-        own = [weight * found[source].slopes for source, weight in weights.items()]
-        none = np.zeros(len(next(iter(found.values())).slopes))
-        yield Declared(stated(key, key), std, sum(own, none), of_time=key == CLOCK)
+    by_source = {constant.source.name: constant for constant in constants}
+    yield from by_source.values()
+    for key, std, weights in deviations(rig, set(by_source)):
+        slopes = [weight * by_source[source].slopes for source, weight in weights.items()]
+        none = np.zeros(len(next(iter(by_source.values())).slopes))
+        yield Declared(stated(key, key), std, sum(slopes, none), of_time=key == CLOCK)

@@ -50,7 +50,7 @@ class Impulse(NamedTuple):
 
 
 def impulse_found(
-    equation: Equation, motion: Motion, found: tuple[float, float], expected: tuple[float, float], dry: float
+    equation: Equation, motion: Motion, fitted: tuple[float, float], expected: tuple[float, float], dry: float
 ) -> Impulse:
     """Return whether the impulse that the rows show is an unknown.
 
@@ -59,11 +59,11 @@ def impulse_found(
     out it is in the interval. found: the impulse with its standard uncertainty by a fit of "memory" alone. expected:
     see `impulses_expected`. dry: dry friction (N m or N) in the same log.
     """
-    size, spread = abs(found[0]), found[1]
-    left, probability = impulse_left(expected[0], size, spread, expected[1])
-    likely = equation.driven and probability > LIKELIER and left > spread
+    size, spread = abs(fitted[0]), fitted[1]
+    remaining, probability = impulse_left(expected[0], size, spread, expected[1])
+    likely = equation.driven and probability > LIKELIER and remaining > spread
     seen = (size > DETECTED * spread or likely) and impulse_possible(equation, motion, size, dry)
-    return Impulse(impulses_of(motion) if seen else (), left)
+    return Impulse(impulses_of(motion) if seen else (), remaining)
 
 
 def impulses_of(motion: Motion) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ def impulse_possible(equation: Equation, motion: Motion, impulse: float, dry: fl
     return equation.driven or impulse < REVERSAL * motion.half_period * dry
 
 
-def impulse_left(prior: float, found: float, spread: float, usual: float = 0.0) -> tuple[float, float]:
+def impulse_left(prior: float, fitted: float, spread: float, usual: float = 0.0) -> tuple[float, float]:
     """Standard uncertainty of the impulse at each reversal (N m s or N s) where the rows give `found` ± `spread`.
 
     The correction of the turning points has a standard uncertainty equal to its magnitude (`prior`), for friction at
@@ -95,7 +95,7 @@ def impulse_left(prior: float, found: float, spread: float, usual: float = 0.0) 
     """
     priors = np.array([prior**2, prior**2 + usual**2])
     variances = np.maximum(priors + spread**2, 1e-300)
-    likelihood = np.exp(-0.5 * found**2 * (1.0 / variances - 1.0 / variances[1])) / np.sqrt(variances)
+    likelihood = np.exp(-0.5 * fitted**2 * (1.0 / variances - 1.0 / variances[1])) / np.sqrt(variances)
     weight, probability = priors / variances, likelihood / likelihood.sum()
-    squares = (weight * found) ** 2 + weight * spread**2
+    squares = (weight * fitted) ** 2 + weight * spread**2
     return float(np.sqrt(probability @ squares)), float(probability[1])

@@ -164,7 +164,7 @@ class Signals:
         """Errors at the nodes, per unit, of what is unknown of an integrated rate, by name."""
         instants = self.nodes.flat[0].reshape(self.angle.shape)
         unknowns = {} if self.encoders.level is None else self.encoders.level.unknowns(instants)
-        return {name: one.shape for name, one in unknowns.items()}
+        return {name: unknown.shape for name, unknown in unknowns.items()}
 
     @cached_property
     def fastest(self) -> float:
@@ -190,8 +190,10 @@ class Signals:
 
     def stiffness(self, value: Callable[[str], float]) -> Array:
         """Change of the conservative torques per rad or m at the nodes; value: of a coefficient by its name."""
-        values = {name: value(name) for name, one in self.terms.items() if one.term.is_conservative}
-        pulls = (own * self.terms[name].stiffness(self.angle) for name, own in values.items() if own)
+        values = {name: value(name) for name, term in self.terms.items() if term.term.is_conservative}
+        pulls = (
+            coefficient * self.terms[name].stiffness(self.angle) for name, coefficient in values.items() if coefficient
+        )
         return sum(pulls, np.zeros_like(self.angle))
 
     @cached_property
@@ -290,7 +292,7 @@ class Signals:
             source=(log, rig),
             encoders=encoders,
             longest=longest,
-            terms={one.name: one for one in (gravity_term(rig), *rig_terms(rig))},
+            terms={term.name: term for term in (gravity_term(rig), *rig_terms(rig))},
         )
 
 
@@ -358,8 +360,8 @@ def dry_column(signals: Signals, windows: Windows, at_nodes: Array, at_edges: Ar
     edges, directions = signals.edges, signals.directions
     steps = np.cumsum(np.diff(directions, prepend=0.0) * at_edges)
     place = signals.since
-    left = (directions[place] * at_nodes.ravel() - steps[place]).reshape(signals.angle.shape)
-    smooth = project(signals.nodes, [(left, 0)], windows.centres, windows.half)[:, 0]
+    remaining = (directions[place] * at_nodes.ravel() - steps[place]).reshape(signals.angle.shape)
+    smooth = project(signals.nodes, [(remaining, 0)], windows.centres, windows.half)[:, 0]
     result: Array = smooth + project_steps(edges, steps, windows.centres, windows.half)
     return result
 
@@ -372,7 +374,7 @@ def retimed(rows: Rows, signals: Signals) -> Rows:
 def _jumps(signals: Signals, windows: Windows) -> dict[str, Array]:
     """The columns that depend on the turning points: dry friction, and an impulse at each reversal."""
     instants, directions, weights = signals.motion.reversals
-    found = {
+    by_name = {
         "coulomb": project_steps(signals.edges, signals.directions, windows.centres, windows.half),
         "memory": project_impulses(instants, directions * weights, windows.centres, windows.half),
         "memory_equal": project_impulses(instants, directions * (1.0 - weights), windows.centres, windows.half),
@@ -380,5 +382,5 @@ def _jumps(signals: Signals, windows: Windows) -> dict[str, Array]:
     for name, term in signals.terms.items():
         if term.term.is_dry:
             at_nodes = term.term.of_angle(signals.angle, *term.at)
-            found[name] = dry_column(signals, windows, at_nodes, term.term.of_angle(signals.edge_angles, *term.at))
-    return found
+            by_name[name] = dry_column(signals, windows, at_nodes, term.term.of_angle(signals.edge_angles, *term.at))
+    return by_name

@@ -51,32 +51,32 @@ def progress(signals: Signals, instants: Array) -> Array:
 
 def polynomial(order: int, x: Array) -> Array:
     """Legendre's polynomial of this order at x, by Bonnet's recursion."""
-    before, found = np.ones_like(x), x
+    before, value = np.ones_like(x), x
     for n in range(1, order):
-        before, found = found, ((2 * n + 1) * x * found - n * before) / (n + 1)
-    return found
+        before, value = value, ((2 * n + 1) * x * value - n * before) / (n + 1)
+    return value
 
 
 def slope(order: int, x: Array) -> Array:
     """Its derivative: Σ (2k + 1) P_k over k = order − 1, order − 3 and so on."""
-    found = np.zeros_like(x)
+    value = np.zeros_like(x)
     for k in range(order - 1, -1, -2):
-        found += (2 * k + 1) * (polynomial(k, x) if k else 1.0)
-    return found
+        value += (2 * k + 1) * (polynomial(k, x) if k else 1.0)
+    return value
 
 
 def has_stiffness(fit: WindowFit) -> bool:
     """Return whether a drift of the angle's zero acts in the balance at all: on a linear axis without a spring it does
     not.
     """
-    return any(fit.value(one.name) or fit.equation.seeks(one.name) for one in fit.equation.conservative)
+    return any(fit.value(term.name) or fit.equation.seeks(term.name) for term in fit.equation.conservative)
 
 
 def slow_columns(signals: Signals, fit: WindowFit, kind: SlowKind, more: int = 0) -> dict[str, Array]:
     """The columns of a kind on the windows of a fit, by the names of their unknowns."""
     windows = fit.rows.windows
     x, rate = progress(signals, signals.nodes.flat[0]), 2 / float(signals.nodes.stamps[-1] - signals.nodes.stamps[0])
-    found: dict[str, Array] = {}
+    columns: dict[str, Array] = {}
     for order in range(1, ORDERS[kind] + more + 1):
         shape = polynomial(order, x).reshape(signals.angle.shape)
         if kind == "zero":
@@ -86,10 +86,10 @@ def slow_columns(signals: Signals, fit: WindowFit, kind: SlowKind, more: int = 0
             # ∫φ P q1' = −∫φ' P q1 − ∫φ P' q1: from the angle, as all columns
             smooth = [(-signals.angle * shape, 1), (-signals.angle * change, 0)]
             at_edges = polynomial(order, progress(signals, signals.edges[:-1]))
-            found[name_of("coulomb", order)] = dry_column(signals, windows, shape, at_edges)
+            columns[name_of("coulomb", order)] = dry_column(signals, windows, shape, at_edges)
         name = name_of("zero" if kind == "zero" else "viscous", order)
-        found[name] = project(signals.nodes, smooth, windows.centres, windows.half).sum(axis=1)
-    return {name: found[name] for name in names_of(kind, more)}
+        columns[name] = project(signals.nodes, smooth, windows.centres, windows.half).sum(axis=1)
+    return {name: columns[name] for name in names_of(kind, more)}
 
 
 def _roughly(signals: Signals, fit: WindowFit, kind: SlowKind) -> Array:
@@ -127,11 +127,11 @@ def slow_test(fit: WindowFit, signals: Signals, kind: SlowKind) -> SlowTest | No
     counted as in the fit; θᵀ V⁻¹ θ / m is nearly of the distribution F(m, ν). First with the polynomials at the middle
     of each window, which is quick and nearly right.
     """
-    count, left = len(names_of(kind)), fit.fit.residuals
+    count, residuals = len(names_of(kind)), fit.fit.residuals
     few = len(fit.rows) / (LAG / 2) - len(fit.unknowns) - count < count
     if few or (kind == "zero" and not has_stiffness(fit)):
         return None
-    if float(left @ left) < SLIGHT**2 * float(fit.known @ fit.known):
+    if float(residuals @ residuals) < SLIGHT**2 * float(fit.known @ fit.known):
         return None
     quick = _tested(fit, _roughly(signals, fit, kind))
     if quick.significance < INDICATED:
@@ -142,13 +142,13 @@ def slow_test(fit: WindowFit, signals: Signals, kind: SlowKind) -> SlowTest | No
 def _tested(fit: WindowFit, columns: Array, beside: Array | None = None) -> SlowTest:
     """The test of these columns; beside: of other causes (rows, n), as further unknowns."""
     count, more = columns.shape[1], columns if beside is None else np.hstack([beside, columns])
-    found, used = fit.beside(more).alone(), len(fit.unknowns) + more.shape[1]
-    theta = found.values[-count:]
-    own = covariance_by(fit, found.influence[-count:], found.residuals, used)
+    alone, used = fit.beside(more).alone(), len(fit.unknowns) + more.shape[1]
+    theta = alone.values[-count:]
+    covariance = covariance_by(fit, alone.influence[-count:], alone.residuals, used)
     # columns that are equal here, as of dry and viscous friction at one speed, count once
-    wald = squared_distance(theta, own) / count
+    wald = squared_distance(theta, covariance) / count
     freedom = max(len(fit.rows) / (LAG / 2) - used, 1.0)
-    return SlowTest(columns, normal_of_ratio(wald, count, freedom), found.residuals)
+    return SlowTest(columns, normal_of_ratio(wald, count, freedom), alone.residuals)
 
 
 def slow_kinds(fit: WindowFit, signals: Signals, others: Iterable[Array]) -> tuple[SlowKind, ...]:
@@ -158,17 +158,17 @@ def slow_kinds(fit: WindowFit, signals: Signals, others: Iterable[Array]) -> tup
     its Bayesian criterion is lower by `DECISIVE`: noise of the samples hides such differences, and no change.
     """
     tests = {kind: slow_test(fit, signals, kind) for kind in ORDERS}
-    found = {kind: test for kind, test in tests.items() if test is not None and test.significance > CERTAIN}
-    if not found:
+    significant = {kind: test for kind, test in tests.items() if test is not None and test.significance > CERTAIN}
+    if not significant:
         return ()
     rows, causes = len(fit.rows), [columns for columns in others if columns.shape[1]]
     independent = rows / (LAG / 2)
-    left = [(float(np.sum(residuals_beside(fit, columns) ** 2)), columns.shape[1]) for columns in causes]
-    left.append((rows * left_by_place(fit, signals, np.zeros((rows, 0))), 1))
-    best = min(bayesian(power, count, independent) for power, count in left)
+    remaining = [(float(np.sum(residuals_beside(fit, columns) ** 2)), columns.shape[1]) for columns in causes]
+    remaining.append((rows * left_by_place(fit, signals, np.zeros((rows, 0))), 1))
+    best = min(bayesian(power, count, independent) for power, count in remaining)
     return tuple(
         kind
-        for kind, test in found.items()
+        for kind, test in significant.items()
         if bayesian(float(test.left @ test.left), test.columns.shape[1], independent) < best + DECISIVE
         and all(_tested(fit, test.columns, beside).significance > CERTAIN for beside in causes)
     )
@@ -188,7 +188,7 @@ class SlowEffect:
 
 def slow_effects(law: WindowFit, signals: Signals, kinds: Iterable[SlowKind]) -> list[SlowEffect]:
     """The effect of each kind on a11; law: with slow changes of these kinds as unknowns."""
-    found, columns = [], law.columns
+    effects, columns = [], law.columns
     target = columns @ law.fit.values + law.fit.residuals
     for kind in kinds:
         without = fit_linear(np.delete(columns, slice_of(law, kind), axis=1), target)
@@ -196,8 +196,8 @@ def slow_effects(law: WindowFit, signals: Signals, kinds: Iterable[SlowKind]) ->
         further = np.column_stack([column for name, column in more.items() if name not in law.unknowns])
         next_order = law.beside(further).solved()
         change = law.a11 - float(without.values[0])
-        found.append(SlowEffect(kind, change, abs(float(next_order.values[0]) - law.a11)))
-    return found
+        effects.append(SlowEffect(kind, change, abs(float(next_order.values[0]) - law.a11)))
+    return effects
 
 
 def slice_of(law: WindowFit, kind: SlowKind) -> list[int]:

@@ -77,14 +77,14 @@ def angle_weights(signals: Signals, fits: Sequence[WindowFit], unknown: str = "i
             new[0].rows.windows,
             np.array([fit.fit.influence[fit.unknowns.index(unknown)] for fit in new]),
         )
-        held = [one.name for one in new[0].equation.conservative]
+        held = [term.name for term in new[0].equation.conservative]
         pulled = any(fit.value(name) for fit in new for name in held)
-        found = superposed(signals.nodes, windows.centres, windows.half, factors, (2, 0) if pulled else (2,))
+        weights = superposed(signals.nodes, windows.centres, windows.half, factors, (2, 0) if pulled else (2,))
         for k, fit in enumerate(new):
-            axis = found[0, k] * fit.a11
+            axis = weights[0, k] * fit.a11
             if pulled:
-                axis += signals.stiffness(fit.value).ravel() * found[1, k]
-            fit.kept[key] = axis, found[0, k] * fit.value("wheel")
+                axis += signals.stiffness(fit.value).ravel() * weights[1, k]
+            fit.kept[key] = axis, weights[0, k] * fit.value("wheel")
     return [fit.kept[key] for fit in fits]
 
 
@@ -105,20 +105,20 @@ def grid_spread(signals: Signals, fit: WindowFit, unknown: str) -> float:
         effects += resolution * SHIFTS * float(np.einsum("i,i->", steps, weights))
         white = resolution**2 / 12 * fit.noise.step * float(np.einsum("i,i,i->", steps, weights, weights))
         fit.kept[key] = float(np.sqrt(max(float(effects @ effects) / len(effects) - white, 0.0)))
-    found: float = fit.kept[key]
-    return found
+    spread: float = fit.kept[key]
+    return spread
 
 
-def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit) -> float:
+def variance_of_difference(signals: Signals, first: WindowFit, second: WindowFit) -> float:
     """Variance of the difference of two fits' a11 by white noise of the same samples."""
-    weights, noise = signals.nodes.flat[1], one.noise
-    both = [angle_weights(signals, [fit])[0] for fit in (one, other)]
+    weights, noise = signals.nodes.flat[1], first.noise
+    both = [angle_weights(signals, [fit])[0] for fit in (first, second)]
     axis, wheel = (mine - theirs for mine, theirs in zip(*both, strict=True))
-    squares = (float(np.einsum("i,i,i->", weights, own, own)) for own in (axis, wheel))
+    squares = (float(np.einsum("i,i,i->", weights, rows, rows)) for rows in (axis, wheel))
     power = sum(sigma**2 * square for sigma, square in zip((noise.of_angle, noise.of_wheel), squares, strict=True))
-    for rate, own in ((noise.rate, axis), (noise.wheel_rate, wheel)):
+    for rate, rows in ((noise.rate, axis), (noise.wheel_rate, wheel)):
         if rate:  # an error of the rate is one of all angles after it
-            power += rate**2 * float(weights @ np.cumsum((own * weights)[::-1])[::-1] ** 2)
+            power += rate**2 * float(weights @ np.cumsum((rows * weights)[::-1])[::-1] ** 2)
     return noise.step * power
 
 
@@ -212,27 +212,29 @@ def _with_place(fit: WindowFit, signals: Signals, kinds: Mapping[str, Array]) ->
     if std == 0.0:
         return []
     place = Perturbation("place", std, None, fitted=True)
-    several = [[*declared, *(RowError(place, own) for own in columns.T)] for columns in kinds.values()]
+    several = [[*declared, *(RowError(place, column) for column in columns.T)] for columns in kinds.values()]
     fits = zip(kinds, with_fitted(bare, several, ROUNDS), strict=True)
     count = len(declared)
     # a torque so large that it would be known is none: then the residuals have another cause, as a camera
-    found = {k: more for k, more in fits if all(abs(effect.value) <= INDICATED for effect in more.declared[count:])}
-    angle_weights(signals, [plain, *found.values()])
+    significant = {
+        k: more for k, more in fits if all(abs(effect.value) <= INDICATED for effect in more.declared[count:])
+    }
+    angle_weights(signals, [plain, *significant.values()])
     return [
         PlaceFit(kind, more, plain, _variance_by_place(signals, plain, more, more.declared[count:], passed))
-        for kind, more in found.items()
+        for kind, more in significant.items()
     ]
 
 
 def _variance_by_place(
-    signals: Signals, plain: WindowFit, more: WindowFit, own: Sequence[Effect], passed: Sequence[RowError]
+    signals: Signals, plain: WindowFit, more: WindowFit, effects: Sequence[Effect], passed: Sequence[RowError]
 ) -> float:
-    """Return the variance of the change of a11 by a torque, of which `own` are the effects; passed: what is declared
+    """Return the variance of the change of a11 by a torque, of which these are the effects; passed: what is declared
     and not fitted.
     """
     # windows that are not the best for both fits do not make the difference of the variances that of the difference
     noise = max(abs(more.u**2 - plain.u**2), variance_of_difference(signals, more, plain))
-    variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in own)
+    variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in effects)
     variance += grid_spread(signals, plain, "inertia") ** 2 + grid_spread(signals, more, "inertia") ** 2
     variance += (attenuation(more) - attenuation(plain)) ** 2
     change = more.fit.influence[0] - plain.fit.influence[0]
@@ -276,25 +278,25 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
     """
     shapes = _shapes(signals)
     best: dict[str, tuple[float, WindowFit, Array]] = {}
-    found: list[PlaceFit] = []
-    for fit in (law, *(one for one in tried if one is not law)):
-        power, left = float(fit.known @ fit.known), float(fit.fit.residuals @ fit.fit.residuals)
-        if fit.half < SHORTEST * law.half or left < SLIGHT**2 * power:
+    fits: list[PlaceFit] = []
+    for fit in (law, *(fit for fit in tried if fit is not law)):
+        power, lack = float(fit.known @ fit.known), float(fit.fit.residuals @ fit.fit.residuals)
+        if fit.half < SHORTEST * law.half or lack < SLIGHT**2 * power:
             continue
         kinds = _kinds(shape_columns(fit, signals, shapes))
         columns = np.concatenate(list(kinds.values()), axis=1)
         alone = np.linalg.norm(fit.beside(columns).rest, axis=0)
         change = np.abs(fit.fit.influence[0] @ columns) / np.maximum(alone, 1e-300)
-        change *= float(np.sqrt(left / len(columns))) / max(abs(fit.a11), 1e-300)
-        edges = np.cumsum([own.shape[1] for own in kinds.values()])[:-1]
-        for (kind, own), uncertain in zip(kinds.items(), map(np.sum, np.split(change, edges)), strict=True):
+        change *= float(np.sqrt(lack / len(columns))) / max(abs(fit.a11), 1e-300)
+        edges = np.cumsum([of_kind.shape[1] for of_kind in kinds.values()])[:-1]
+        for (kind, of_kind), uncertain in zip(kinds.items(), map(np.sum, np.split(change, edges)), strict=True):
             if kind not in best or uncertain < best[kind][0]:
-                best[kind] = float(uncertain), fit, own
+                best[kind] = float(uncertain), fit, of_kind
         if fit is law:
-            found += _with_place(fit, signals, kinds)
+            fits += _with_place(fit, signals, kinds)
     for other in {id(fit): fit for _, fit, _ in best.values() if fit is not law}.values():
-        found += _with_place(other, signals, {kind: own for kind, (_, fit, own) in best.items() if fit is other})
-    return found
+        fits += _with_place(other, signals, {kind: of_kind for kind, (_, fit, of_kind) in best.items() if fit is other})
+    return fits
 
 
 COSINE, SLOPE = "cosine", "slope of the sine"
@@ -314,13 +316,13 @@ def shape_columns(
         columns = project(signals.nodes, each, windows.centres, windows.half)
         edges = np.cumsum([len(kind) for kind in shapes.values()])[:-1]
         fit.kept["shapes"] = dict(zip(shapes, np.split(columns, edges, axis=1), strict=True))
-    found: dict[str, Array] = fit.kept["shapes"]
-    return found
+    by_shape: dict[str, Array] = fit.kept["shapes"]
+    return by_shape
 
 
 def _kinds(columns: Mapping[str, Array]) -> dict[str, Array]:
     """Return the kinds of the torques alone."""
-    return {kind: own for kind, own in columns.items() if kind not in (COSINE, SLOPE)}
+    return {kind: columns_of_kind for kind, columns_of_kind in columns.items() if kind not in (COSINE, SLOPE)}
 
 
 def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:
@@ -329,12 +331,12 @@ def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:
     beside: columns (rows, n) that are fitted as well.
     """
     kinds = _kinds(shape_columns(law, signals)).values()
-    return min(float(np.mean(residuals_beside(law, np.column_stack([beside, own])) ** 2)) for own in kinds)
+    return min(float(np.mean(residuals_beside(law, np.column_stack([beside, columns])) ** 2)) for columns in kinds)
 
 
 def place_torque(fits: Sequence[PlaceFit], u: float) -> float:
     """Standard uncertainty of a11 by torques that depend on the angle and are not in the model."""
-    return max((dark_uncertainty(one.difference, one.variance, u, len(fits)) for one in fits), default=0.0)
+    return max((dark_uncertainty(fit.difference, fit.variance, u, len(fits)) for fit in fits), default=0.0)
 
 
 def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:
@@ -360,9 +362,9 @@ def _unexplained(chosen: WindowFit, other: WindowFit, variance: float) -> float:
 
 def common_instants(windows: Sequence[Windows]) -> Array:
     """Even instants over all windows, 16 in the shortest of them, for `noise_weights` (instants,)."""
-    first = min(float(np.min(one.centres - one.half)) for one in windows)
-    last = max(float(np.max(one.centres + one.half)) for one in windows)
-    step = min(float(np.min(one.half)) for one in windows) / 8
+    first = min(float(np.min(kind.centres - kind.half)) for kind in windows)
+    last = max(float(np.max(kind.centres + kind.half)) for kind in windows)
+    step = min(float(np.min(kind.half)) for kind in windows) / 8
     return np.arange(first, last + step, step)
 
 

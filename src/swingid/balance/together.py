@@ -116,10 +116,10 @@ class Together:
         spreads = [grid_spread(run.signals, self.of_log(k, self.law), "inertia") for k, run in enumerate(self.runs)]
         return float(np.hypot.reduce(spreads))
 
-    def variance_between(self, one: WindowFit, other: WindowFit) -> float:
+    def variance_between(self, first: WindowFit, second: WindowFit) -> float:
         """Variance of the difference of two fits' a11 by white noise of the same samples."""
         return sum(
-            variance_of_difference(run.signals, self.of_log(k, one), self.of_log(k, other))
+            variance_of_difference(run.signals, self.of_log(k, first), self.of_log(k, second))
             for k, run in enumerate(self.runs)
         )
 
@@ -166,11 +166,11 @@ def unit_of_friction(runs: Sequence[Run]) -> str:
 
 def with_bodies(equation: Equation, runs: Sequence[Run]) -> Equation:
     """The equation with the bodies that were added as known terms J_k q1''; equal ones are one body."""
-    for one in dict.fromkeys(run.added for run in runs if run.added.value):
-        name = body_name(one)
-        equation = equation.but(**{name: Coefficient(one.value, {name: 1.0})})
-        body = Constant(name, one.std or 0.0, shared=False)
-        equation = replace(equation, constants=(*equation.constants, body))
+    for body in dict.fromkeys(run.added for run in runs if run.added.value):
+        name = body_name(body)
+        equation = equation.but(**{name: Coefficient(body.value, {name: 1.0})})
+        constant = Constant(name, body.std or 0.0, shared=False)
+        equation = replace(equation, constants=(*equation.constants, constant))
     return equation
 
 
@@ -204,21 +204,21 @@ def _noise(runs: Sequence[Run]) -> Noise:
     return replace(loudest, resolution=max(noise.resolution for noise in all_of))
 
 
-def _stacked(own: Sequence[Rows]) -> Rows:
+def _stacked(rows: Sequence[Rows]) -> Rows:
     """The rows of all logs one after another, each log's instants behind those of the one before.
 
     A term that a log does not have is 0 in its rows.
     """
     centres, after = [], 0.0
-    for rows in own:
-        reach = APART * rows.windows.middle if len(rows.windows) else 0.0
-        begin = float(rows.windows.centres[0]) if len(rows.windows) else 0.0
-        centres.append(rows.windows.centres - begin + after)
-        after = float(centres[-1][-1]) + reach if len(rows.windows) else after
-    names = dict.fromkeys(name for rows in own for name in rows.columns)
-    columns = {name: _joined([rows.columns.get(name, np.zeros(len(rows))) for rows in own]) for name in names}
-    pulls = {name: float(np.mean([rows.pulls[name] for rows in own])) for name in own[0].pulls}
-    return Rows(Windows(_joined(centres), _joined([rows.windows.half for rows in own])), columns, pulls)
+    for of_log in rows:
+        reach = APART * of_log.windows.middle if len(of_log.windows) else 0.0
+        begin = float(of_log.windows.centres[0]) if len(of_log.windows) else 0.0
+        centres.append(of_log.windows.centres - begin + after)
+        after = float(centres[-1][-1]) + reach if len(of_log.windows) else after
+    names = dict.fromkeys(name for of_log in rows for name in of_log.columns)
+    columns = {name: _joined([of_log.columns.get(name, np.zeros(len(of_log))) for of_log in rows]) for name in names}
+    pulls = {name: float(np.mean([of_log.pulls[name] for of_log in rows])) for name in rows[0].pulls}
+    return Rows(Windows(_joined(centres), _joined([of_log.windows.half for of_log in rows])), columns, pulls)
 
 
 def _joined(arrays: Sequence[Array]) -> Array:
@@ -231,8 +231,8 @@ def _with_cubic(tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
     more = fit_rows(plain.rows, plain.equation, plain.noise, (*plain.friction, "cubic"))
     if more is None or not gain(plain, more) > FURTHER["cubic",]:
         return tried
-    fits = {half: fit_rows(one.rows, one.equation, one.noise, (*one.friction, "cubic")) for half, one in tried.items()}
-    return {half: replace(fit, half=half) for half, fit in fits.items() if fit is not None}
+    cubic = {half: fit_rows(fit.rows, fit.equation, fit.noise, (*fit.friction, "cubic")) for half, fit in tried.items()}
+    return {half: replace(fit, half=half) for half, fit in cubic.items() if fit is not None}
 
 
 def _declared(fit: WindowFit, runs: Sequence[Run]) -> WindowFit:
@@ -242,11 +242,11 @@ def _declared(fit: WindowFit, runs: Sequence[Run]) -> WindowFit:
 
 def declared_of(fit: WindowFit, runs: Sequence[Run]) -> list[RowError]:
     """What is stated as uncertain, with its effect on the rows of all logs."""
-    found = [constant_error(fit.rows, fit.equation, one) for one in of_constants(fit.equation) if one.std > 0]
+    errors = [constant_error(fit.rows, fit.equation, error) for error in of_constants(fit.equation) if error.std > 0]
     if "torque_per_volt" in fit.rows.columns:  # unknown or known, they have the error of the voltage
         volts_off = -fit.rows.sum_of({name: fit.value(name) for name in ("torque_per_volt", "gear_friction")})
-        found = [replace(one, rows=volts_off) if one.source == VOLTAGE_SCALE else one for one in found]
+        errors = [replace(error, rows=volts_off) if error.source == VOLTAGE_SCALE else error for error in errors]
     shared = of_channels(runs[0].part.rig, runs[0].signals.encoders)
     each = [channel_errors(run.rows(fit.half), run.signals, shared, fit.coefficients) for run in runs]
-    joined = [_joined([one[k].rows for one in each]) for k in range(len(shared))]
-    return found + [RowError(one, rows) for one, rows in zip(shared, joined, strict=True)]
+    joined = [_joined([error[k].rows for error in each]) for k in range(len(shared))]
+    return errors + [RowError(error, rows) for error, rows in zip(shared, joined, strict=True)]

@@ -217,7 +217,7 @@ def _variances(
 
 
 def _comparison(law: WindowFit, name: str, changes: list[float], variances: list[float]) -> Comparison:
-    """changes: of a11 by each part. found: variances of both, of their difference, and of their mean less the whole."""
+    """changes: of a11 by each part. variances: of both, of their difference, and of their mean less the whole."""
     first, second = ((law.a11 + change, u**0.5) for change, u in zip(changes, variances, strict=False))
     if name in MIRRORED:
         mean = max(2 * (variances[0] + variances[1]) - variances[2], 1e-300) ** 0.5 / 2  # of both estimates

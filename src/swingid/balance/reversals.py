@@ -56,7 +56,7 @@ def impulse_found(
 
     It is where it is significant, and in a driven motion where it is likelier than not and to leave it out leaves more
     uncertain than its estimate is; in a free decay a weak one is more often a correlated error of the angle, and left
-    out it is in the interval. found: the impulse with its standard uncertainty by a fit of "memory" alone. expected:
+    out it is in the interval. fitted: the impulse with its standard uncertainty by a fit of "memory" alone. expected:
     see `impulses_expected`. dry: dry friction (N m or N) in the same log.
     """
     size, spread = abs(fitted[0]), fitted[1]
@@ -86,11 +86,11 @@ def impulse_possible(equation: Equation, motion: Motion, impulse: float, dry: fl
 
 
 def impulse_left(prior: float, fitted: float, spread: float, usual: float = 0.0) -> tuple[float, float]:
-    """Standard uncertainty of the impulse at each reversal (N m s or N s) where the rows give `found` ± `spread`.
+    """Standard uncertainty of the impulse at each reversal (N m s or N s) where the rows give `fitted` ± `spread`.
 
     The correction of the turning points has a standard uncertainty equal to its magnitude (`prior`), for friction at
     rest is extrapolated from faster motion, where a short peak does not show. Dry friction has a memory of its own, an
-    impulse of the size `usual`, or has none: as likely a priori, weighted by the likelihood of `found` (Bayesian model
+    impulse of the size `usual`, or has none: as likely a priori, weighted by the likelihood of `fitted` (Bayesian model
     averaging). The rows reduce each to its posterior. Returned: the root of its mean square, the probability of memory.
     """
     priors = np.array([prior**2, prior**2 + usual**2])

@@ -97,7 +97,7 @@ NAMED = (ZERO, SLIP, CONFLICT, PLACE, PARTS, JUMPS)
 
 
 def check_hypotheses(evidence: Evidence, judged: Judged, before: Iterable[str] = ()) -> Checked:
-    """The hypotheses; found: codes of warnings before. UnanswerableError where the balance does not close."""
+    """The hypotheses; before: codes of warnings before. UnanswerableError where the balance does not close."""
     warnings: list[Message] = []
     notes: list[Message] = []
     ran: list[str] = []
@@ -121,7 +121,7 @@ def check_hypotheses(evidence: Evidence, judged: Judged, before: Iterable[str] =
 
 
 def entries(evidence: Evidence, u: float, *, of_balance: bool) -> dict[str, float]:
-    """Standard uncertainties of the inertia by source, of an estimate whose type A is `u`; own: see `Judged`.
+    """Standard uncertainties of the inertia by source, of an estimate whose type A is `u`; of_balance: see `Judged.own`.
 
     Of the hypotheses, and of what was found when the log was read. Each source is there for every log.
     """

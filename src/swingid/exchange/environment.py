@@ -50,16 +50,16 @@ time (s) over which the wheel's speed is smoothed."""
 
 def identified_rig(result: Result, rig: Rig) -> Rig:
     """The rig with the inertia, friction and gravity torque of a result, each with its standard uncertainty."""
-    found = {
-        name: Quantity(one.value, one.standard_uncertainty or None)
-        for name, one in result.parameters.items()
-        if one.value > 0 or name == "offset"
+    values = {
+        name: Quantity(parameter.value, parameter.standard_uncertainty or None)
+        for name, parameter in result.parameters.items()
+        if parameter.value > 0 or name == "offset"
     }
-    changes: dict[str, object] = {"axis.inertia": found["inertia"], "axis.friction": None}
-    if "gravity_torque" in found:
-        changes["axis.gravity_torque"] = found["gravity_torque"]
+    changes: dict[str, object] = {"axis.inertia": values["inertia"], "axis.friction": None}
+    if "gravity_torque" in values:
+        changes["axis.gravity_torque"] = values["gravity_torque"]
     named = ("viscous", "coulomb", "static", "stribeck_speed", "quadratic", "cubic", "offset")
-    changes |= {f"axis.friction.{name}": found[name] for name in named if name in found}
+    changes |= {f"axis.friction.{name}": values[name] for name in named if name in values}
     return rig.changed(changes)
 
 
@@ -113,8 +113,8 @@ class SwingEnv(gymnasium.Env):  # type: ignore[misc]  # gymnasium has no types h
         middle, spread = (0.0, 0.1) if self.task == "swing-up" else (math.pi, 0.05)
         angle = float((options or {}).get("angle", middle + self.np_random.uniform(-spread, spread)))
         rows = int(self.duration * RATE) + self.hold + 1
-        own = int(self.np_random.integers(2**31))
-        self.plant = Plant(self.rig, rate=RATE, rows=rows, seed=own, draw=self.randomise, initial_angle=angle)
+        seed_drawn = int(self.np_random.integers(2**31))
+        self.plant = Plant(self.rig, rate=RATE, rows=rows, seed=seed_drawn, draw=self.randomise, initial_angle=angle)
         self.readings = self.before = self.plant.angles()
         return self._observed(), self._info(0.0)
 
@@ -140,8 +140,8 @@ class SwingEnv(gymnasium.Env):  # type: ignore[misc]  # gymnasium has no types h
 
     def _observed(self) -> Array:
         speeds = [(now - was) / self.period for now, was in zip(self.readings, self.before, strict=True)]
-        found = [math.sin(self.readings[0]), math.cos(self.readings[0]), *speeds]
-        return np.array(found, dtype=np.float32)
+        observation = [math.sin(self.readings[0]), math.cos(self.readings[0]), *speeds]
+        return np.array(observation, dtype=np.float32)
 
     def _info(self, voltage: float) -> dict[str, float]:
         return {"angle": self.readings[0], "wheel_angle": self.readings[1], "voltage": voltage}

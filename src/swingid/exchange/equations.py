@@ -65,12 +65,14 @@ def _sided(name: str) -> str:
     return f"{_half(name, '+')} + {_half(name, '-')}*s1"
 
 
-def _term(one: Further) -> str:
+def _term(further: Further) -> str:
     g = {
-        DISPLACEMENT: f"(q1 - ({one.shift!r}))",
-        WAVE: f"sin(({one.order!r})*q1 + ({one.shift!r}))",
-        STRINGS: f"sin(q1)/sqrt(1 - ({one.order!r})*(1 - cos(q1)))",
+        DISPLACEMENT: f"(q1 - ({further.shift!r}))",
+        WAVE: f"sin(({further.order!r})*q1 + ({further.shift!r}))",
+        STRINGS: f"sin(q1)/sqrt(1 - ({further.order!r})*(1 - cos(q1)))",
         WEIGHT: "abs(cos(q1))",
-    }.get(one.kind, "1")
-    speed = "".join(["*s1" if one.odd else "", "*abs(v1)" * int(one.power), "*sqrt(abs(v1))" if one.power % 1 else ""])
-    return f"({one.coefficient!r})*{g}{speed}"
+    }.get(further.kind, "1")
+    speed = "".join(
+        ["*s1" if further.odd else "", "*abs(v1)" * int(further.power), "*sqrt(abs(v1))" if further.power % 1 else ""]
+    )
+    return f"({further.coefficient!r})*{g}{speed}"

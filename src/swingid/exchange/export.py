@@ -39,7 +39,7 @@ class Exported:
     def summary(self) -> str:
         """What was written, and what is not in it."""
         lines = [f"wrote {self.path} ({self.format})"]
-        return "\n".join([*lines, *(f"not in it: {one}" for one in self.left_out)])
+        return "\n".join([*lines, *(f"not in it: {omitted}" for omitted in self.left_out)])
 
 
 def export(result: Result, rig: Rig, to: str, out: str | Path) -> Exported:

@@ -21,50 +21,50 @@ ZERO = 1e-12
 """Mass (kg) of what has inertia only."""
 
 
-def mass_and_lever(model: Model, own: float) -> tuple[float, float]:
+def mass_and_lever(model: Model, inertia: float) -> tuple[float, float]:
     """Mass (kg) and lever (m) of a body with the gravity torque b whose own inertia stays positive: m l² <= own/2.
 
     own: moment of inertia about the axis (kg m²).
     """
     b = model.value("b")
     if b <= 0.0:
-        return max(own, 1e-6), 0.0
-    lever = min(LEVER, 0.5 * own * GRAVITY / b)
+        return max(inertia, 1e-6), 0.0
+    lever = min(LEVER, 0.5 * inertia * GRAVITY / b)
     return b / (GRAVITY * lever), lever
 
 
 def comment(model: Model, left_out: list[str]) -> str:
     """The words of the model, and what is left out, as an XML comment."""
-    lines = [*model.words, *(f"not in it: {one}" for one in left_out)]
+    lines = [*model.words, *(f"not in it: {omitted}" for omitted in left_out)]
     text = "\n  ".join(re.sub(r"-(?=-)", "- ", line) for line in lines)
     return f"<!--\n  {text}\n-->"
 
 
 def body_inertia(model: Model) -> float:
     """a11 - a12 (kg m²), the inertia of the body without what turns with the wheel; positive."""
-    own = model.value("a11") - (model.value("a12") if model.has_wheel else 0.0)
-    if not own > 0.0:
+    inertia = model.value("a11") - (model.value("a12") if model.has_wheel else 0.0)
+    if not inertia > 0.0:
         raise UnanswerableError(
             "the wheel with its gear has more inertia than the whole axis (a12 > a11), which no model of two bodies "
             "has; take python-control or simulink-m.",
             code="no-two-bodies",
         )
-    return own
+    return inertia
 
 
 def unlike(model: Model) -> list[str]:
     """What neither MJCF nor URDF has of friction and motor."""
     p = model.value
-    found = []
+    differing = []
     if p("static_positive") > p("coulomb_positive") or p("static_negative") > p("coulomb_negative"):
-        found.append("Stribeck's peak of the friction at rest")
+        differing.append("Stribeck's peak of the friction at rest")
     if p("viscous_positive") != p("viscous_negative") or p("coulomb_positive") != p("coulomb_negative"):
-        found.append("the difference of the friction between the directions (their mean is taken)")
+        differing.append("the difference of the friction between the directions (their mean is taken)")
     if p("offset"):
-        found.append(f"the constant torque of {p('offset'):.6g} (axis.friction.offset)")
+        differing.append(f"the constant torque of {p('offset'):.6g} (axis.friction.offset)")
     if model.has_wheel and (p("d1") or p("d2")):
-        found.append("the dead zone of the motor (8)")
-    return found
+        differing.append("the dead zone of the motor (8)")
+    return differing
 
 
 def mean_friction(model: Model) -> tuple[float, float]:
@@ -77,12 +77,12 @@ def mean_friction(model: Model) -> tuple[float, float]:
 def _axis_joint(model: Model, left_out: list[str]) -> str:
     viscous, coulomb = mean_friction(model)
     damping = [viscous, model.value("quadratic"), model.value("cubic")]
-    if any(one < 0 for one in damping):
+    if any(coefficient < 0 for coefficient in damping):
         left_out.append("negative friction coefficients (0 is taken)")
-        damping = [max(one, 0.0) for one in damping]
+        damping = [max(coefficient, 0.0) for coefficient in damping]
     while len(damping) > 1 and damping[-1] == 0.0:
         damping.pop()
-    springs = [one for one in model.slots if one.kind == DISPLACEMENT and one.power == 0 and not one.odd]
+    springs = [slot for slot in model.slots if slot.kind == DISPLACEMENT and slot.power == 0 and not slot.odd]
     left_out += model.drags
     if len(model.slots) - len(model.drags) > len(springs) or len(springs) > 1:
         left_out.append("further torques of the angle: cogging, strings, load-dependent friction")
@@ -102,9 +102,9 @@ def _hard(dry: float) -> str:
 def mjcf(model: Model, name: str) -> tuple[str, list[str]]:
     """The MJCF text and what it cannot express."""
     left_out = unlike(model)
-    own = body_inertia(model)
-    mass, lever = (own, 0.0) if model.linear else mass_and_lever(model, own)
-    centre = own - mass * lever**2
+    inertia = body_inertia(model)
+    mass, lever = (inertia, 0.0) if model.linear else mass_and_lever(model, inertia)
+    centre = inertia - mass * lever**2
     joint = _axis_joint(model, left_out)
     dry = mean_friction(model)[1] > 0 or (model.has_wheel and model.value("f3") > 0)
     if dry:

@@ -99,7 +99,7 @@ class Model:
     @property
     def drags(self) -> list[str]:
         """The further terms that grow with the speed, in words."""
-        return [one.term.words for one in rig_terms(self.rig) if one.term.odd and one.term.power]
+        return [term.term.words for term in rig_terms(self.rig) if term.term.odd and term.term.power]
 
     @property
     def slots(self) -> list[Further]:
@@ -108,10 +108,10 @@ class Model:
         slots = self.p[at.FIRST_SLOT : at.SIZE].reshape(-1, at.SLOT)[:count]
         return [
             Further(
-                float(one[at.COEFFICIENT]), float(one[at.SHIFT]), float(one[at.ORDER]), int(one[at.KIND]),
-                float(one[at.POWER]), bool(one[at.ODD]),
+                float(slot[at.COEFFICIENT]), float(slot[at.SHIFT]), float(slot[at.ORDER]), int(slot[at.KIND]),
+                float(slot[at.POWER]), bool(slot[at.ODD]),
             )
-            for one in slots
+            for slot in slots
         ]  # fmt: skip
 
 
@@ -125,8 +125,8 @@ def model_of(result: Result, rig: Rig) -> Model:
         raise UnanswerableError("the model of the result has a constant that is not finite.", code="no-model")
     words = [f"rig {rig.name}; identified with swingid by the method {result.method}; SI units"]
     words += [
-        f"{name} = {plus_minus(one.value, one.standard_uncertainty, one.unit)}"
-        for name, one in result.parameters.items()
+        f"{name} = {plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit)}"
+        for name, parameter in result.parameters.items()
     ]
     return Model(rig, p, tuple(" ".join(line.split()) for line in words))
 
@@ -143,10 +143,10 @@ def rig_of(result: Result, rig: str | None) -> Rig:
     try:
         if not name or not (str(source).startswith("built-in ") or Path(name).is_file()):
             raise InputError("", code="missing-file")
-        found = Rig.load(name)
+        read = Rig.load(name)
     except InputError:
-        message = "the rig file of the result is not to be found here; give it with --rig RIG.toml"
+        message = "the rig file of the result is not to be read here; give it with --rig RIG.toml"
         raise UsageError(message, code="no-rig") from None
-    if result.provenance.get("rig_sha256") not in (None, hashlib.sha256(found.text.encode()).hexdigest()):
+    if result.provenance.get("rig_sha256") not in (None, hashlib.sha256(read.text.encode()).hexdigest()):
         raise UsageError(f"{name} has changed since the result; give the rig file with --rig", code="other-rig")
-    return found
+    return read

@@ -50,7 +50,7 @@ def linear(angle=0.0):
 
 def python_control(model: Model, name: str) -> tuple[str, list[str]]:
     """The text of the module and what it cannot express."""
-    own = states(model)
+    names = states(model)
     equations = right_hand_side(model)
     words = "\n".join(model.words).replace("\\", "/").replace('"""', "'''")
     constants = model.constants
@@ -58,15 +58,15 @@ def python_control(model: Model, name: str) -> tuple[str, list[str]]:
     text = FILE.format(
         words=words,
         input="V" if model.limit is not None or model.has_wheel else "torque, N m" if not model.linear else "N",
-        states=own,
-        states_tuple=", ".join(own),
+        states=names,
+        states_tuple=", ".join(names),
         parameters="{\n" + "".join(f'    "{key}": {value!r},\n' for key, value in constants.items()) + "}",
         dry=dry,
         unpack="\n    ".join(f'{key} = p["{key}"]' for key in constants),
         lines="\n".join(f"    {key} = {expression}" for key, expression in equations),
         derivative=", ".join(["v1", "dv1", "v2", "dv2"] if model.has_wheel else ["v1", "dv1"]),
         name=name,
-        others=len(own) - 1,
+        others=len(names) - 1,
     )
     return text, left_out(model)
 

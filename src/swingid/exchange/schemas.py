@@ -106,9 +106,9 @@ def rig_schema() -> Schema:
     """The schema of a rig file, by which editors complete and check rig.toml."""
     from swingid.model.rig import Rig
 
-    found = _of_tables(Rig, "Rig file of swingid")
-    found["required"] = [key for key in found["required"] if key != "name"]  # else it is the name of the file
-    return found
+    schema = _of_tables(Rig, "Rig file of swingid")
+    schema["required"] = [key for key in schema["required"] if key != "name"]  # else it is the name of the file
+    return schema
 
 
 def plan_schema() -> Schema:
@@ -122,45 +122,45 @@ def _of_tables(root: Any, title: str) -> Schema:
     """The schema of a table and of those inside it: values that a table reads itself, and further terms, included."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # defaults are not as a file would have them, and are not kept
-        found: Schema = root.model_json_schema(mode="validation", ref_template="#/$defs/{model}")
-    definitions: Schema = found.pop("$defs", {})
+        schema: Schema = root.model_json_schema(mode="validation", ref_template="#/$defs/{model}")
+    definitions: Schema = schema.pop("$defs", {})
     places = _places(root)
-    for name, own in [(root.__name__, found), *definitions.items()]:
-        own.pop("description", None)
+    for name, part in [(root.__name__, schema), *definitions.items()]:
+        part.pop("description", None)
         table, path = places.get(name, (None, ""))
         if table is not None and hasattr(table, "term_keys"):
-            own.setdefault("properties", {}).update({key: {} for key in table.term_keys()})
-            own["additionalProperties"] = False
-        _fill(own, path)
-    return {"$schema": DRAFT, **found, "title": title, "$defs": {**definitions, "value": VALUE}}
+            part.setdefault("properties", {}).update({key: {} for key in table.term_keys()})
+            part["additionalProperties"] = False
+        _fill(part, path)
+    return {"$schema": DRAFT, **schema, "title": title, "$defs": {**definitions, "value": VALUE}}
 
 
 def _places(root: Any) -> dict[str, tuple[Any, str]]:
     """The tables inside `root` by the names of their classes, each with its first place in the file, "drive.motor."."""
-    found: dict[str, tuple[Any, str]] = {}
+    places: dict[str, tuple[Any, str]] = {}
     todo = [(root, "")]
     while todo:
         table, path = todo.pop(0)
-        if table.__name__ in found:
+        if table.__name__ in places:
             continue
-        found[table.__name__] = table, path
+        places[table.__name__] = table, path
         for key, field in table.model_fields.items():
             inner = [field.annotation, *getattr(field.annotation, "__args__", ())]
-            todo += [(one, f"{path}{key}.") for one in inner if hasattr(one, "model_fields")]
-    return found
+            todo += [(model, f"{path}{key}.") for model in inner if hasattr(model, "model_fields")]
+    return places
 
 
 def _fill(schema: Schema, path: str) -> None:
     """Refer to `VALUE` where a table reads the value itself, and say what a key of the rig is."""
     from swingid.report.words import RIG
 
-    for key, own in schema.get("properties", {}).items():
-        branches = own.get("anyOf", [own])
+    for key, part in schema.get("properties", {}).items():
+        branches = part.get("anyOf", [part])
         for k, branch in enumerate(branches):
             if not set(branch) & {"$ref", "type", "enum", "const", "anyOf"}:
                 branches[k] = {"$ref": "#/$defs/value"}
-        kept = {name: value for name, value in own.items() if name not in ("title", "default", "anyOf")}
-        kept = {"anyOf": branches} | kept if "anyOf" in own else branches[0] if len(branches) == 1 else kept
+        kept = {name: value for name, value in part.items() if name not in ("title", "default", "anyOf")}
+        kept = {"anyOf": branches} | kept if "anyOf" in part else branches[0] if len(branches) == 1 else kept
         kept = {name: value for name, value in kept.items() if name not in ("title", "default")}
         word = RIG.get(path + key)
         if word is not None:

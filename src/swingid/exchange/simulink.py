@@ -50,17 +50,20 @@ end
 
 def simulink(model: Model, name: str) -> tuple[str, list[str]]:
     """The text of the function file and what it cannot express."""
-    own, constants = states(model), model.constants
+    equations, constants = states(model), model.constants
     text = FILE.format(
         name=name,
         upper=name.upper(),
-        states=", ".join(own),
+        states=", ".join(equations),
         words="\n".join(f"%   {line}" for line in model.words),
-        start="; ".join(["0.5", *("0" for _ in own[1:])]),
-        count=len(own),
+        start="; ".join(["0.5", *("0" for _ in equations[1:])]),
+        count=len(equations),
         dry="\n        ".join(f"p.{key} = 0;" for key in DRY if key in constants),
         unpack="\n".join(
-            [*(f"    {key} = x({k});" for k, key in enumerate(own, 1)), *(f"    {key} = p.{key};" for key in constants)]
+            [
+                *(f"    {key} = x({k});" for k, key in enumerate(equations, 1)),
+                *(f"    {key} = p.{key};" for key in constants),
+            ]
         ),
         lines="\n".join(f"    {key} = {expression};" for key, expression in right_hand_side(model)),
         derivative="; ".join(["v1", "dv1", "v2", "dv2"] if model.has_wheel else ["v1", "dv1"]),

@@ -16,8 +16,8 @@ SMALL = 1e-6
 def urdf(model: Model, name: str) -> tuple[str, list[str]]:
     """The URDF text and what it cannot express."""
     left_out = unlike(model)
-    own = body_inertia(model)
-    mass, lever = (own, 0.0) if model.linear else mass_and_lever(model, own)
+    inertia = body_inertia(model)
+    mass, lever = (inertia, 0.0) if model.linear else mass_and_lever(model, inertia)
     viscous, coulomb = mean_friction(model)
     for word, key in (("quadratic", "quadratic"), ("cubic", "cubic")):
         if model.value(key):
@@ -31,7 +31,7 @@ def urdf(model: Model, name: str) -> tuple[str, list[str]]:
     axis = "1 0 0" if model.linear else "0 -1 0"
     parts = [
         '<link name="base"/>',
-        _link("body", mass, lever, own - mass * lever**2),
+        _link("body", mass, lever, inertia - mass * lever**2),
         f'<joint name="axis" type="{kind}">\n    <parent link="base"/>\n    <child link="body"/>\n'
         f'    <axis xyz="{axis}"/>{limit}\n    <dynamics damping="{max(viscous, 0.0)!r}" '
         f'friction="{max(coulomb, 0.0)!r}"/>\n  </joint>',

@@ -34,7 +34,7 @@ GRAVITY = "axis.gravity_torque"
 TIME_POWERS = {
     key: power
     for key, power in (
-        {one.key: time_power(one.unit) for one in TERMS.values() if one.key} | {"log.torque_gain": -2}
+        {term.key: time_power(term.unit) for term in TERMS.values() if term.key} | {"log.torque_gain": -2}
     ).items()
     if power
 }
@@ -85,27 +85,29 @@ class Equation:
     @cached_property
     def sought(self) -> tuple[str, ...]:
         """Terms whose coefficients are sought."""
-        return tuple(name for name, one in self.coefficients.items() if one.value is None)
+        return tuple(name for name, coefficient in self.coefficients.items() if coefficient.value is None)
 
     @cached_property
     def own_friction(self) -> tuple[str, ...]:
         """The rig's own terms of friction (drag, load), whose coefficients are sought: they are odd in the speed."""
-        return tuple(name for name, one in self.terms.items() if one.term.odd and self.seeks(name))
+        return tuple(name for name, term in self.terms.items() if term.term.odd and self.seeks(name))
 
     @cached_property
     def conservative(self) -> tuple[RigTerm, ...]:
         """Torques of the angle alone: gravity, springs, cogging."""
-        return tuple(one for one in self.terms.values() if one.term.is_conservative)
+        return tuple(term for term in self.terms.values() if term.term.is_conservative)
 
     @cached_property
     def slots(self) -> tuple[RigTerm, ...]:
         """Terms that the equations of the compiled model do not name, in the order of its slots."""
-        return tuple(one for one in self.terms.values() if one.name not in NAMED)
+        return tuple(term for term in self.terms.values() if term.name not in NAMED)
 
     @cached_property
     def stated(self) -> dict[str, float]:
         """Known coefficients by the names of their terms."""
-        return {name: one.value for name, one in self.coefficients.items() if one.value is not None}
+        return {
+            name: coefficient.value for name, coefficient in self.coefficients.items() if coefficient.value is not None
+        }
 
     @property
     def driven(self) -> bool:
@@ -122,13 +124,17 @@ class Equation:
 
     def without(self, names: set[str]) -> Equation:
         """The equation without these terms."""
-        kept = {name: one for name, one in self.coefficients.items() if name not in names}
-        terms = {name: one for name, one in self.terms.items() if name not in names}
+        kept = {name: coefficient for name, coefficient in self.coefficients.items() if name not in names}
+        terms = {name: term for name, term in self.terms.items() if name not in names}
         return replace(self, coefficients=kept, terms=terms)
 
     def slopes(self, key: str) -> dict[str, float]:
         """Derivatives of the coefficients by a constant, by the names of their terms."""
-        return {name: one.sources[key] for name, one in self.coefficients.items() if key in one.sources}
+        return {
+            name: coefficient.sources[key]
+            for name, coefficient in self.coefficients.items()
+            if key in coefficient.sources
+        }
 
     def value(self, name: str) -> float:
         """A known coefficient; 0 where it is sought, and of a term that the rig does not have."""
@@ -152,10 +158,10 @@ class Equation:
     @classmethod
     def of(cls, rig: Rig) -> Equation:
         """The equation of a rig, whether or not anything in it sets the scale (see `preparation.scale.equation_of`)."""
-        found = _Building(rig)
-        terms = {one.name: one for one in (gravity_term(rig), *rig_terms(rig), *motor_terms(rig))}
+        building = _Building(rig)
+        terms = {term.name: term for term in (gravity_term(rig), *rig_terms(rig), *motor_terms(rig))}
         linear = rig.axis.kind == "linear"
-        return cls(found.coefficients, found.beside, tuple(found.constants), linear, rig.drive.channel, terms)
+        return cls(building.coefficients, building.beside, tuple(building.constants), linear, rig.drive.channel, terms)
 
 
 class _Building:
@@ -191,17 +197,17 @@ class _Building:
         """a12 = (J2 + N Jr) cos of the wheel's tilt, and J2 + Jr beside the body."""
         assert rig.drive.wheel is not None
         along, motor = rig.drive.wheel.along, rig.drive.motor
-        own, beside = {"drive.wheel.inertia": along.value}, {"drive.wheel.inertia": along.value}
+        sources, beside = {"drive.wheel.inertia": along.value}, {"drive.wheel.inertia": along.value}
         self._made_of("drive.wheel.inertia", rig.drive.wheel.inertia)
         if motor is not None:
-            own["drive.motor.rotor_inertia"] = along.value * motor.gear_ratio.value
-            own["drive.motor.gear_ratio"] = along.value * motor.rotor_inertia.value
+            sources["drive.motor.rotor_inertia"] = along.value * motor.gear_ratio.value
+            sources["drive.motor.gear_ratio"] = along.value * motor.rotor_inertia.value
             beside["drive.motor.rotor_inertia"] = along.value
             self._made_of("drive.motor.rotor_inertia", motor.rotor_inertia)
             self._made_of("drive.motor.gear_ratio", motor.gear_ratio)
-        own[WHEEL_TILT], beside[WHEEL_TILT] = rig.drive.a12, rig.drive.carried
+        sources[WHEEL_TILT], beside[WHEEL_TILT] = rig.drive.a12, rig.drive.carried
         self.constants.append(Constant(WHEEL_TILT, relative(along), deviation=True))
-        self.coefficients["wheel"] = Coefficient(rig.drive.a12, own)
+        self.coefficients["wheel"] = Coefficient(rig.drive.a12, sources)
         self.beside = Coefficient(rig.drive.carried, beside)
 
     def _reflected(self, rig: Rig) -> None:
@@ -214,26 +220,26 @@ class _Building:
         sources = {"drive.motor.rotor_inertia": gear.value**2, "drive.motor.gear_ratio": 2 * gear.value * rotor.value}
         self.beside = Coefficient(rig.drive.reflected, sources)
 
-    def _stated(self, own: RigTerm) -> None:
+    def _stated(self, term: RigTerm) -> None:
         """A term as it is stated or sought, and beside one whose shift is uncertain its derivative by the shift."""
-        if own.value is None:
-            self.coefficients[own.name] = SOUGHT
+        if term.value is None:
+            self.coefficients[term.name] = SOUGHT
             return
-        self._made_of(own.term.key, own.value)
-        self.coefficients[own.name] = Coefficient(own.value.value, {own.term.key: 1.0})
-        if own.shift.std:
-            self._made_of(own.term.shift, own.shift)
-            self.coefficients[shifted(own.name)] = Coefficient(0.0, {own.term.shift: own.value.value})
+        self._made_of(term.term.key, term.value)
+        self.coefficients[term.name] = Coefficient(term.value.value, {term.term.key: 1.0})
+        if term.shift.std:
+            self._made_of(term.term.shift, term.shift)
+            self.coefficients[shifted(term.name)] = Coefficient(0.0, {term.term.shift: term.value.value})
 
     def _deviations(self, rig: Rig) -> None:
         """What changes several constants alike: see `deviations`."""
-        keys = {one.key for one in self.constants}
+        keys = {constant.key for constant in self.constants}
         for key, std, weights in deviations(rig, keys):
             self.constants.append(Constant(key, std, deviation=True))
-            for name, one in self.coefficients.items():
-                if any(source in one.sources for source in weights):
-                    change = sum(weight * one.sources.get(source, 0.0) for source, weight in weights.items())
-                    self.coefficients[name] = replace(one, sources={**one.sources, key: change})
+            for name, coefficient in self.coefficients.items():
+                if any(source in coefficient.sources for source in weights):
+                    change = sum(weight * coefficient.sources.get(source, 0.0) for source, weight in weights.items())
+                    self.coefficients[name] = replace(coefficient, sources={**coefficient.sources, key: change})
             beside = sum(weight * self.beside.sources.get(source, 0.0) for source, weight in weights.items())
             if beside:
                 self.beside = replace(self.beside, sources={**self.beside.sources, key: beside})

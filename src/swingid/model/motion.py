@@ -67,19 +67,21 @@ def fill_probes(
 
 
 @njit_inlined
-def try_step(step: Step, left: float, tried: float, work: Array, mode: Mode, u: float, p: Array) -> tuple[float, float]:
-    """Step from row NOW that its error estimate allows, at most `left` (s); the length tried first is `tried`.
+def try_step(
+    step: Step, length: float, tried: float, work: Array, mode: Mode, u: float, p: Array
+) -> tuple[float, float]:
+    """Step from row NOW that its error estimate allows, at most `length` (s); the length tried first is `tried`.
 
     `step` is `integrator.step`, or its pointer. Returns the length of the step and the one to try next.
     """
     # A rest of rounding size is not worth a step of its own.
-    h = left if left <= tried * STRETCH else tried
+    h = length if length <= tried * STRETCH else tried
     while True:
         error = step(work, h, mode, u, p)
         factor = 5.0 if error < EASY else max(0.2, 0.9 * error ** (-0.2))
         if error <= 1.0 or h <= SHORTEST:
             following = h * factor
-            if h >= left and factor >= 1.0:
+            if h >= length and factor >= 1.0:
                 following = max(following, tried)
             return h, min(following, LONGEST)
         h *= min(factor, 0.9)
@@ -88,7 +90,7 @@ def try_step(step: Step, left: float, tried: float, work: Array, mode: Mode, u: 
 @njit_inlined
 def next_step(
     step: Step,
-    left: float,
+    length: float,
     tried: float,
     work: Array,
     mode: Mode,
@@ -97,12 +99,12 @@ def next_step(
     events: int,
     counts: Ints,
 ) -> tuple[float, float, bool]:
-    """Step from row NOW into row NEW, at most `left` (s), which ends where `mode` does.
+    """Step from row NOW into row NEW, at most `length` (s), which ends where `mode` does.
 
     Returns its length, the length to try next, and whether the mode has ended; `events` is how many did before in
     this held interval. Should the mode end, row NEW lies just beyond its end.
     """
-    h, tried = try_step(step, left, tried, work, mode, u, p)
+    h, tried = try_step(step, length, tried, work, mode, u, p)
     ended = margin(work, NEW, LAST, mode, u, p) < 0.0
     if not ended:
         low = first_dip(work, h, mode)

@@ -79,33 +79,33 @@ def constants(rig: Rig) -> dict[str, Quantity]:
         raise InputError(message, code="missing-inertia")
     if isinstance(axis.gravity_torque, str):
         raise _no_motion(rig, "axis.gravity_torque", axis.gravity_torque, "unknown-gravity")
-    found = {"axis.inertia": axis.inertia, "axis.gravity_torque": axis.gravity_torque}
+    stated = {"axis.inertia": axis.inertia, "axis.gravity_torque": axis.gravity_torque}
     for name in FRICTION_KEYS:
         quantity = stated_at(rig, TERMS[name].key)
         if isinstance(quantity, Quantity):
-            found[TERMS[name].key] = quantity
+            stated[TERMS[name].key] = quantity
     if rig.drive.wheel is not None:
         assert rig.drive.motor is not None
-        found["drive.wheel.inertia"] = rig.drive.wheel.inertia
+        stated["drive.wheel.inertia"] = rig.drive.wheel.inertia
         for key in MOTOR_KEYS:
-            found[f"drive.motor.{key}"] = getattr(rig.drive.motor, key)
+            stated[f"drive.motor.{key}"] = getattr(rig.drive.motor, key)
         d2, d1 = rig.drive.motor.dead_zone
-        found["drive.motor.dead_zone.negative"] = Quantity(d2)
-        found["drive.motor.dead_zone.positive"] = Quantity(d1)
+        stated["drive.motor.dead_zone.negative"] = Quantity(d2)
+        stated["drive.motor.dead_zone.positive"] = Quantity(d1)
     if rig.drive.channel == "voltage":
-        found |= _motor_on_axis(rig)
+        stated |= _motor_on_axis(rig)
     for term in further_terms():
         for key in (term.key, term.shift, term.order):
             quantity = stated_at(rig, key) if stated_at(rig, term.key) is not None and key else None
             if isinstance(quantity, str):
                 raise _no_motion(rig, key, quantity, "unknown-term")
             if quantity is not None:
-                found[key] = quantity
+                stated[key] = quantity
     for key in TILTS:
         tilt = stated_at(rig, key)
         if isinstance(tilt, Quantity) and (tilt.value or tilt.std):
-            found[key] = tilt
-    return found
+            stated[key] = tilt
+    return stated
 
 
 def _motor_on_axis(rig: Rig) -> dict[str, Quantity]:

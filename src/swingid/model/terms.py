@@ -210,11 +210,11 @@ def words_of(name: str) -> str:
 
 def stated_at(rig: object, key: str) -> Quantity | str | None:
     """What a Rig states at a dotted key: a Quantity (a plain number counts as exact), "unknown", or None."""
-    found: object = rig
+    value: object = rig
     for part in key.split("."):
-        found = getattr(found, part, None)
-    found = Quantity(found) if isinstance(found, float) else found
-    return found if isinstance(found, Quantity | str) else None
+        value = getattr(value, part, None)
+    value = Quantity(value) if isinstance(value, float) else value
+    return value if isinstance(value, Quantity | str) else None
 
 
 def further_terms() -> Iterator[Term]:
@@ -263,7 +263,7 @@ def rig_terms(rig: object) -> tuple[RigTerm, ...]:
 
     A wave of unknown phase is two unknowns, those of its sine and its cosine.
     """
-    found: list[RigTerm] = []
+    terms: list[RigTerm] = []
     for term in further_terms():
         stated = stated_at(rig, term.key)
         if stated is None or (term.key.startswith(_F) and stated == Quantity(0.0)):
@@ -274,10 +274,10 @@ def rig_terms(rig: object) -> tuple[RigTerm, ...]:
         number = order.value if isinstance(order, Quantity) else 1.0
         if isinstance(shift, str):
             for name, angle in zip(term.parts, (0.0, np.pi / 2), strict=True):
-                found.append(RigTerm(name, TERMS[name], number, Quantity(float(angle)), None))
+                terms.append(RigTerm(name, TERMS[name], number, Quantity(float(angle)), None))
         else:
-            found.append(RigTerm(term.name, term, number, shift or Quantity(0.0), value))
-    return tuple(found)
+            terms.append(RigTerm(term.name, term, number, shift or Quantity(0.0), value))
+    return tuple(terms)
 
 
 def motor_terms(rig: object) -> tuple[RigTerm, ...]:
@@ -295,14 +295,14 @@ def motor_terms(rig: object) -> tuple[RigTerm, ...]:
     return tuple(RigTerm(name, TERMS[name], 1.0, Quantity(0.0), values.get(name)) for name in names)
 
 
-def values_by_key(found: Mapping[str, float]) -> dict[str, float]:
+def values_by_key(identified: Mapping[str, float]) -> dict[str, float]:
     """Identified values by name, under their keys of rig.toml; sine and cosine part of a wave as amplitude and phase.
 
     Raises KeyError for a name that is no term.
     """
-    values = {TERMS[name].key: value for name, value in found.items() if TERMS[name].key}
+    values = {TERMS[name].key: value for name, value in identified.items() if TERMS[name].key}
     for term in further_terms():
-        if term.parts and term.parts[0] in found:
-            sine, cosine = (found[name] for name in term.parts)
+        if term.parts and term.parts[0] in identified:
+            sine, cosine = (identified[name] for name in term.parts)
             values |= {term.key: float(np.hypot(sine, cosine)), term.shift: float(np.arctan2(cosine, sine))}
     return values

@@ -201,7 +201,7 @@ def _worst_of_swings(balance: QuickBalance, size: Array, moving: Bools) -> float
 
 
 def _peaks(candidates: Ints, size: Array, quiet: Bools) -> list[int]:
-    """The largest window of every run of `found` ones without a quiet one between."""
+    """The largest window of every run of candidates without a quiet one between."""
     runs = np.cumsum(quiet)[candidates]
     return [int(places[np.argmax(size[places])]) for places in (candidates[runs == run] for run in np.unique(runs))]
 

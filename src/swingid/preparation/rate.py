@@ -181,7 +181,7 @@ def spins(rate: Array, rig: Rig) -> bool:
 
 
 def _level(log: Recording, rig: Rig, at: Recording, bias: float, rest: tuple[Array, Array] | None) -> Level:
-    """What is left unknown; at: the log with its angle levelled, found: centres of the swings."""
+    """What is left unknown; at: the log with its angle levelled, rest: centres of the swings."""
     slope_spread, wander = _spread(at, rest)
     half, noise = log.duration / 2, channel_noise(at, rig)
     stated = rig.sensors.of_rate("angle").bias.std

@@ -270,7 +270,7 @@ def find_jumps(time: Array, values: Array, rows: int = 1) -> list[tuple[int, flo
     if size.max() <= NOISE_FACTOR * level:
         return []
     least = max(NOISE_FACTOR * level, *_floors(values, rows, SMALLEST_JUMP))
-    found: list[tuple[int, float]] = []
+    jumps: list[tuple[int, float]] = []
     for k in np.flatnonzero(size > least).tolist():
         near = slice(max(k - SIDE, 0), k + SIDE + 1)
         if size[k] < size[near].max() or size[k] < NOISE_FACTOR * ROBUST * _local(size, known, k):
@@ -279,10 +279,10 @@ def find_jumps(time: Array, values: Array, rows: int = 1) -> list[tuple[int, flo
         around = slice(begin, k + 2 * SIDE + 2)
         taken_back = values[around].copy()
         taken_back[k + 1 - begin :] -= gap[k]
-        left = np.abs(_gaps(time[around], taken_back)[0])
-        if left.max() < max(LEFT_OVER * size[k], 3 * level):
-            found.append((k + 1, float(gap[k])))
-    return found
+        remaining = np.abs(_gaps(time[around], taken_back)[0])
+        if remaining.max() < max(LEFT_OVER * size[k], 3 * level):
+            jumps.append((k + 1, float(gap[k])))
+    return jumps
 
 
 def _gaps(time: Array, values: Array) -> tuple[Array, Bools]:

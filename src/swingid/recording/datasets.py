@@ -56,7 +56,7 @@ CATALOGUE = _catalogue()
 
 def find(name: str) -> DataSet:
     """The data set of that name; UsageError that names the nearest where there is none."""
-    names = [one.name for one in CATALOGUE]
+    names = [dataset.name for dataset in CATALOGUE]
     wanted = name.lower().replace("-", "_")
     if wanted in names:
         return CATALOGUE[names.index(wanted)]
@@ -111,9 +111,9 @@ def _copy_of(file: DataFile, dataset: DataSet, place: Path) -> Path | None:
 
 def _verify(path: Path, file: DataFile, advice: str) -> None:
     """Raise InputError unless the file is the one of the catalogue, byte for byte."""
-    found = sha256_of(path)
-    if found != file.sha256:
-        message = f"{path} is not the published file (SHA-256 {found[:12]}… instead of {file.sha256[:12]}…)"
+    digest = sha256_of(path)
+    if digest != file.sha256:
+        message = f"{path} is not the published file (SHA-256 {digest[:12]}… instead of {file.sha256[:12]}…)"
         raise InputError(f"{message}; {advice}.", code="wrong-checksum")
 
 

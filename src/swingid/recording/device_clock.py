@@ -61,8 +61,8 @@ def compare(device: Array, host: Array) -> Comparison | None:
         return None
     late, slope = host - device, 0.0
     for _ in range(ROUNDS):
-        left = late - slope * device
-        least = np.array([a + int(np.argmin(left[a:b])) for a, b in pairwise(edges)])
+        residuals = late - slope * device
+        least = np.array([a + int(np.argmin(residuals[a:b])) for a, b in pairwise(edges)])
         x, y = device[least] - device[least].mean(), late[least] - late[least].mean()
         slope = float(x @ y / (x @ x))
     scatter = math.sqrt(float(np.sum((y - slope * x) ** 2)) / (blocks - 2))

@@ -97,9 +97,9 @@ def unit_of_step(step: float) -> tuple[str, int]:
     counts = {unit: turn / step for unit, turn in TURN.items()}
     counts = {unit: count for unit, count in counts.items() if FEWEST_COUNTS < count <= MOST_COUNTS}
     for fits in (_is_power_of_two, _is_round):
-        found = [(unit, round(count)) for unit, count in counts.items() if fits(count)]
-        if len(found) == 1:
-            return found[0]
+        units = [(unit, round(count)) for unit, count in counts.items() if fits(count)]
+        if len(units) == 1:
+            return units[0]
     return "", 0
 
 
@@ -131,7 +131,7 @@ def check_grids(table: Table, conventions: Conventions, rig: Rig) -> list[Findin
     The statement of a unit or of counts per turn sets the scale of the angle, so an error of it is one of the result.
     Not of an angle in counts, whose steps do not depend on the statement.
     """
-    found = []
+    findings = []
     channels: tuple[tuple[Literal["angle", "wheel_angle"], Literal["angle", "wheel"], str], ...] = (
         ("angle", "angle", "sensors"),
         ("wheel_angle", "wheel", "sensors.wheel"),
@@ -152,8 +152,8 @@ def check_grids(table: Table, conventions: Conventions, rig: Rig) -> list[Findin
         )
         if text:
             where = f"column {column!r} ({channel.replace('_', ' ')})"
-            found.append(Finding(GRID, f"{where} moves in steps of {text}.", "warning"))
-    return found
+            findings.append(Finding(GRID, f"{where} moves in steps of {text}.", "warning"))
+    return findings
 
 
 def _contradiction(step: float, used: str, unit_key: str, declared: float, key: str, *, rounded: bool) -> str:

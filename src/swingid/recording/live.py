@@ -109,8 +109,8 @@ def with_own_time(table: Table, time: str, reading: Reading) -> Reading:
     if _about(table).get("emulated"):
         return reading
     stated = reading.rig.log.clock
-    found = _compared(table, time)
-    taken = stated.value if found is None else _decided(found, stated, reading)
+    compared = _compared(table, time)
+    taken = stated.value if compared is None else _decided(compared, stated, reading)
     scale = replace(reading.conventions.scale("time"), factor=1.0 / (1.0 + taken))
     conventions = replace(reading.conventions, scales=reading.conventions.scales | {"time": scale})
     return replace(reading, conventions=conventions)
@@ -130,27 +130,29 @@ def _compared(table: Table, time: str) -> Comparison | None:
     return compare(device[known], host[known])
 
 
-def _decided(found: Comparison, stated: Quantity, reading: Reading) -> float:
+def _decided(comparison: Comparison, stated: Quantity, reading: Reading) -> float:
     """The deviation of the device's clock that is taken off its times; `reading` gets the finding."""
-    u = math.hypot(found.spread, HOST)
-    side = "fast" if found.deviation > 0 else "slow"
-    words = f"the device's clock is {_share(abs(found.deviation), u)} {side} against the computer's"
-    level = UNSTEADY if found.is_unsteady else DIFFERS
-    if abs(found.deviation - stated.value) <= level * math.hypot(u, stated.std or 0.0):
+    u = math.hypot(comparison.spread, HOST)
+    side = "fast" if comparison.deviation > 0 else "slow"
+    words = f"the device's clock is {_share(abs(comparison.deviation), u)} {side} against the computer's"
+    level = UNSTEADY if comparison.is_unsteady else DIFFERS
+    if abs(comparison.deviation - stated.value) <= level * math.hypot(u, stated.std or 0.0):
         # no clock is exact: where nothing is stated of its uncertainty the comparison is the evidence
         extra = 0.0 if stated.std else u
-        if found.is_unsteady:
-            extra = math.hypot(extra, found.spread)
-            words += f"; their difference jumps by {number(found.scatter, 's', 2)}, which the interval contains"
+        if comparison.is_unsteady:
+            extra = math.hypot(extra, comparison.spread)
+            words += f"; their difference jumps by {number(comparison.scatter, 's', 2)}, which the interval contains"
         reading.found("device-clock", f"{words}.", "note", of_time=extra)
         return stated.value
     words += f", and log.clock states {_signed(stated.value)} ± {1e6 * (stated.std or 0.0):.0f} ppm"
     if REPAIR in reading.off:
         reading.found("device-clock", f"{words}; it was left so.", "warning")
         return stated.value
-    words += f'; the times were corrected. Run the board from a crystal, or state clock = "{_signed(found.deviation)}'
+    words += (
+        f'; the times were corrected. Run the board from a crystal, or state clock = "{_signed(comparison.deviation)}'
+    )
     reading.found("device-clock", f'{words} ± {1e6 * u:.0f} ppm" under [log].', "warning", REPAIR, of_time=u)
-    return found.deviation
+    return comparison.deviation
 
 
 def _signed(share: float) -> str:

@@ -93,12 +93,12 @@ def reading_of(header: Table, first: Table | None, rig: Rig, name: str, repairs:
     off = switched_off(repairs)
     conventions, units = with_header_units(header, rig, name)
     _check_origin(header, conventions, name)
-    found = [*_saved_findings(header), *notes_of(off), *units]
-    found += [*_no_reference(header, conventions), *_integrated(conventions), *_unstated(header, conventions)]
+    findings = [*_saved_findings(header), *notes_of(off), *units]
+    findings += [*_no_reference(header, conventions), *_integrated(conventions), *_unstated(header, conventions)]
     if first is not None:
         conventions, epoch = from_first_row(first, conventions)
-        found += [*epoch, *check_grids(first, conventions, rig)]
-    return Reading(rig, conventions, name, off, _drive_held(header, conventions), found)
+        findings += [*epoch, *check_grids(first, conventions, rig)]
+    return Reading(rig, conventions, name, off, _drive_held(header, conventions), findings)
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -221,7 +221,7 @@ def _drive_held(table: Table, conventions: Conventions) -> bool:
 def _saved_findings(table: Table) -> tuple[Finding, ...]:
     """What had been found in the log before swingid wrote this file."""
     saved = table.metadata.get("findings")
-    found = []
+    findings = []
     for entry in saved if isinstance(saved, list) else []:
         if isinstance(entry, dict) and entry.get("level") in ("note", "warning"):
             named = entry.get("repair")
@@ -230,8 +230,8 @@ def _saved_findings(table: Table) -> tuple[Finding, ...]:
             of_time, of_zero = _size(entry.get("of_time")), _size(entry.get("of_zero"))
             pivot = entry.get("of_pivot")
             of_pivot = (_size(pivot[0]), _size(pivot[1])) if isinstance(pivot, list) and len(pivot) == 2 else None
-            found.append(Finding(code, message, entry["level"], named, None, spans, of_time, of_zero, of_pivot))
-    return tuple(found)
+            findings.append(Finding(code, message, entry["level"], named, None, spans, of_time, of_zero, of_pivot))
+    return tuple(findings)
 
 
 def _saved_off(table: Table) -> frozenset[str]:

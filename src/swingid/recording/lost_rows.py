@@ -234,14 +234,14 @@ def find_lost(places: Ints, angles: Sequence[Array]) -> Lost | None:
     return Lost(before, hidden, float(np.sqrt(spread)))
 
 
-def _where_hard(std: Array, power: Array, found: Bools) -> float:
+def _where_hard(std: Array, power: Array, certain: Bools) -> float:
     """Standard deviations by which what is found is found too often where it is hard to see; all arrays (n,).
 
     Of the steps in order of their deviations, each counted by its power, rows lost at any time are evenly spread.
     """
     order = np.argsort(std, kind="stable")
     share = np.cumsum(power[order]) / max(power.sum(), np.finfo(float).tiny)
-    return float((share[found[order]].mean() - 0.5) * np.sqrt(12 * np.count_nonzero(found)))
+    return float((share[certain[order]].mean() - 0.5) * np.sqrt(12 * np.count_nonzero(certain)))
 
 
 def _strongest(steps: Ints, gain: Array, apart: Array) -> Ints:
@@ -267,7 +267,7 @@ def _of_steps(grid: Array, quanta: Array) -> _Excess:
         _in_steps(step - usual, usual, np.abs(usual) < SLOWEST * quantum, quantum / np.sqrt(6))
         for step, usual, quantum in zip(steps, speed, quanta, strict=True)
     ]
-    excess, stds = np.array([one[0] for one in each]), np.array([one[1] for one in each])
+    excess, stds = np.array([of_channel[0] for of_channel in each]), np.array([of_channel[1] for of_channel in each])
     joint, std = _Excess(excess, stds, np.ones(count, dtype=bool), np.zeros(count)).joint(np.inf)
     back = (joint < -0.5) & (joint < -APART * std)  # a spike goes there and comes back
     fits = np.ones(count, dtype=bool)
@@ -307,17 +307,17 @@ def _of_windows(grid: Array, quanta: Array, width: int, degree: int, sure: float
         rests.append(rest)
         noises.append((stds[c, inner] * size) ** 2)
         kinks[inner] += kink**2 / (kk * noises[c])
-    found = _Excess(excess, stds, fits, kinks)
-    mean, std = found.joint(np.inf)
+    excess_found = _Excess(excess, stds, fits, kinks)
+    mean, std = excess_found.joint(np.inf)
     if not (np.abs(mean) > sure * std).any():
-        return found
+        return excess_found
     spread = 2 / (9 * (2 * width - degree - 2))
     limit = (1 - spread + SHAPE * np.sqrt(spread)) ** 3
     for values, rest, noise in zip(about, rests, noises, strict=True):
         squares = np.correlate(values**2, np.ones(2 * width))
         squares -= sum(np.correlate(values, kernel) ** 2 for kernel in window.basis)
-        left = np.maximum(squares - rest**2, 0.0) / (2 * width - degree - 2)
-        fits[inner] &= left < limit * np.maximum(noise, np.median(left))
+        variance = np.maximum(squares - rest**2, 0.0) / (2 * width - degree - 2)
+        fits[inner] &= variance < limit * np.maximum(noise, np.median(variance))
     beside = np.lib.stride_tricks.sliding_window_view(np.pad(kinks, width), 2 * width + 1).max(axis=1)
     return _Excess(excess, stds, fits, beside)
 
@@ -344,8 +344,8 @@ def _window(width: int, degree: int) -> _Window:
     jump, kink = (since > 0).astype(float), np.maximum(since, 0.0)
     weights = np.linalg.pinv(powers)
     slope, bend = weights[1] / width, 2 * weights[2] / width**2
-    left = [np.asarray(column - basis @ (basis.T @ column)) for column in (jump, kink)]
-    return _Window(left[0], left[1], slope, bend, basis.T, float(slope @ jump))
+    remaining = [np.asarray(column - basis @ (basis.T @ column)) for column in (jump, kink)]
+    return _Window(remaining[0], remaining[1], slope, bend, basis.T, float(slope @ jump))
 
 
 def _in_steps(rest: Array, speed: Array, slow: Bools, floor: float) -> tuple[Array, Array]:

@@ -187,21 +187,21 @@ def with_angle(table: Table, rig: Rig, name: str) -> tuple[Table, tuple[Finding,
     lever = float(np.nanmedian(np.hypot(along, across)))
     cosine, sine = spread(down) if lever > 0 else (0.0, 0.0)
     text = f"the angle is that of the point ({log.point[0]!r}, {log.point[1]!r}) about {words}; {how}."
-    found = [Finding("angle-of-point", text, "note", of_zero=UPRIGHT, of_pivot=(cosine / lever, sine / lever))]
+    findings = [Finding("angle-of-point", text, "note", of_zero=UPRIGHT, of_pivot=(cosine / lever, sine / lever))]
     if unseen:
         text = f"in {unseen} of {len(x)} rows the likelihood of the point is below {LIKELIHOOD:g}; they are left out."
-        found.append(Finding("point-not-seen", text, "note", "blanks"))
-    return replace(table, columns={**table.columns, ANGLE: angle}), tuple(found)
+        findings.append(Finding("point-not-seen", text, "note", "blanks"))
+    return replace(table, columns={**table.columns, ANGLE: angle}), tuple(findings)
 
 
 def _column(table: Table, column: str, key: str, name: str) -> Array:
     """The numbers of a column; InputError where it is not there."""
-    found = table.find(column)
-    if found is None:
-        listed = ", ".join(repr(one[:40]) for one in list(table.columns)[:8])
+    name_in_table = table.find(column)
+    if name_in_table is None:
+        listed = ", ".join(repr(header[:40]) for header in list(table.columns)[:8])
         text = f"{name} has no column {column!r} but {listed}; set [log] {key} to the columns of x and y."
         raise InputError(text, code="missing-column")
-    return table.numbers(found)[0].copy()
+    return table.numbers(name_in_table)[0].copy()
 
 
 def _seen(table: Table, point: tuple[str, str], x: Array, y: Array) -> tuple[Array, Array, int]:
@@ -247,7 +247,7 @@ def _pivot(
 
     def spread(down: tuple[float, float]) -> tuple[float, float]:
         across = np.array((-down[1], down[0]))
-        sizes = [float(np.sqrt(one @ circle.covariance @ one)) for one in (across, np.array(down))]
+        sizes = [float(np.sqrt(direction @ circle.covariance @ direction)) for direction in (across, np.array(down))]
         return sizes[0], sizes[1]
 
     size = float(np.sqrt(np.trace(circle.covariance)))
@@ -271,15 +271,15 @@ def _across(down: tuple[float, float], x: Array, y: Array) -> Array:
 
 def pivot_of(findings: tuple[Finding, ...]) -> tuple[float, float] | None:
     """Standard deviations (rad) of cosine and sine part of an angle by the pivot that was fitted to its mark."""
-    return next((one.of_pivot for one in findings if one.of_pivot is not None), None)
+    return next((finding.of_pivot for finding in findings if finding.of_pivot is not None), None)
 
 
 def pairs(names: Mapping[str, object]) -> list[tuple[str, str]]:
     """Pairs of names that differ in one letter, x and y: "bob x" and "bob y", "pixelx" and "pixely"."""
-    found = []
+    paired = []
     for name in names:
         for at, letter in enumerate(name):
             other = name[:at] + {"x": "y", "X": "Y"}.get(letter, "") + name[at + 1 :]
             if letter in "xX" and other in names:
-                found.append((name, other))
-    return found
+                paired.append((name, other))
+    return paired

@@ -27,16 +27,16 @@ def check_beside(channels: Channels, reading: Reading) -> None:
         return
     turned = integral(time, channels["angle_speed"], reading.conventions.axis_rate_is)
     turned = angle + without_line(time, turned - angle)
-    own = angle - angle.mean()
-    ratio = float(own @ turned) / max(float(own @ own), 1e-300)
-    left = float(np.std(turned - ratio * own) / max(float(np.std(turned)), 1e-300))
+    centred = angle - angle.mean()
+    ratio = float(centred @ turned) / max(float(centred @ centred), 1e-300)
+    share = float(np.std(turned - ratio * centred) / max(float(np.std(turned)), 1e-300))
     columns = reading.conventions.columns
     pair = f"column {columns['angle_speed']!r} and column {columns['angle']!r}"
-    if abs(ratio - 1) > APART or left > APART:
+    if abs(ratio - 1) > APART or share > APART:
         text = f"{reading.name}: {pair} are no rate and its angle: the integral of the one is {ratio:.3g} times the "
-        text += f"other, and {left:.0%} of it is something else; check [log] angle_speed_unit, angle_speed and their"
+        text += f"other, and {share:.0%} of it is something else; check [log] angle_speed_unit, angle_speed and their"
         raise InputError(f"{text} signs, or leave one of the two out.", code="rate-conflict")
-    text = f"the integral of {pair.replace(' and', ' is')}, times {ratio:.4f}, within {left:.2%}."
+    text = f"the integral of {pair.replace(' and', ' is')}, times {ratio:.4f}, within {share:.2%}."
     reading.findings.append(Finding("rate-beside-angle", text, "note", kind=Kind.ANGLE_BESIDE))
 
 
@@ -50,8 +50,8 @@ FEWEST_LEFT = 0.1
 
 def saturated(rate: Array) -> Ints:
     """Rows (k, 2), first and last, of the runs in which a rate is at the limit of its sensor."""
-    found = [run for limit in (rate.max(), rate.min()) for run in _at_limit(rate, float(limit))]
-    return np.array(sorted(found), dtype=np.int64).reshape(-1, 2)
+    runs = [run for limit in (rate.max(), rate.min()) for run in _at_limit(rate, float(limit))]
+    return np.array(sorted(runs), dtype=np.int64).reshape(-1, 2)
 
 
 def _at_limit(rate: Array, limit: float) -> list[tuple[int, int]]:

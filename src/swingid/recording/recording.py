@@ -132,8 +132,8 @@ class Recording:
 
         No method reads them. `simulation.simulate_run` gives the true motion, too.
         """
-        found = self.metadata.get("truth")
-        return dict(found) if isinstance(found, dict) else {}
+        truth = self.metadata.get("truth")
+        return dict(truth) if isinstance(truth, dict) else {}
 
     @property
     def duration(self) -> float:

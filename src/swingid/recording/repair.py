@@ -105,17 +105,17 @@ def without_spikes(channels: Channels, spikes: Bools, reading: Reading, rows: in
             if channel in channels:
                 spikes |= find_spikes(channels["time"], channels[channel], rows)
     if times:
-        found = np.sort(np.concatenate(times))
-        shown = ", ".join(f"{time:g}" for time in found[:5]) + (", ..." if found.size > 5 else "")
+        instants = np.sort(np.concatenate(times))
+        shown = ", ".join(f"{time:g}" for time in instants[:5]) + (", ..." if instants.size > 5 else "")
         if "spikes" in reading.off:
-            message = f"{found.size} of {count} rows hold isolated spikes of an angle, not removed, at {shown} s."
-            reading.found("spikes-left", message, "warning", at=found)
+            message = f"{instants.size} of {count} rows hold isolated spikes of an angle, not removed, at {shown} s."
+            reading.found("spikes-left", message, "warning", at=instants)
             channels = everything
         else:
-            message = f"{found.size} of {count} rows left out: isolated spikes of an angle at {shown} s."
+            message = f"{instants.size} of {count} rows left out: isolated spikes of an angle at {shown} s."
             # a row less here and there changes nothing; many may be no spikes but another fault of the channel
-            level: Literal["note", "warning"] = "note" if few(found.size, count) else "warning"
-            reading.found("spikes", message, level, "spikes", at=found)
+            level: Literal["note", "warning"] = "note" if few(instants.size, count) else "warning"
+            reading.found("spikes", message, level, "spikes", at=instants)
     return channels
 
 

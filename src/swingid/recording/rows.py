@@ -141,8 +141,8 @@ def _fitted(time: Array, places: Array) -> Clock:
 
 def _roughness(time: Array, values: Array) -> float:
     """Root mean square of what each value misses the cubic through its neighbours by, the worst rows left out."""
-    found = np.abs(misfits(time, values))
-    kept = found[found <= quantile(found, TRIMMED)]
+    sizes = np.abs(misfits(time, values))
+    kept = sizes[sizes <= quantile(sizes, TRIMMED)]
     return float(np.sqrt(np.mean(kept**2)))
 
 

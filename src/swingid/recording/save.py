@@ -45,14 +45,14 @@ def write_log(
         written["wheel_speed"] = conventions.speed_of(channels["time"], channels["wheel_angle"], channels["angle"])
     if conventions.rate is not None:
         _check_even(written.pop("time"), conventions.rate, target)
-    own = {
+    more = {
         "metadata": _plain(metadata),
         "log": {**conventions.keys, "drive_held": held},
         "findings": [asdict(finding) for finding in findings],
     }
     if rig is not None:
-        own["drive"] = rig.drive.kind
-    content: bytes = module.write(conventions.to_log(written), own)
+        more["drive"] = rig.drive.kind
+    content: bytes = module.write(conventions.to_log(written), more)
     write_whole(target, content)
     return target
 

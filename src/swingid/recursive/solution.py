@@ -124,7 +124,7 @@ class Recursion:
         return replace(plain, timing=np.abs(plain.inverse @ self._gram[:, k]) * impulse.left)
 
     def _impulse(self, signals: Signals, values: Array, fitted: tuple[float, float]) -> Impulse:
-        """Return whether the impulse `found` (value, standard uncertainty) is an unknown; values: of the plain
+        """Return whether the impulse `fitted` (value, standard uncertainty) is an unknown; values: of the plain
         solution.
         """
         known = dict(zip(self.unknowns, values.tolist(), strict=True))

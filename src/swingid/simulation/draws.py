@@ -69,12 +69,12 @@ def draw_constants(rig: Rig, seed: int) -> dict[str, float]:
 def draw_nonlinearity(rig: Rig, seed: int) -> list[tuple[float, float]]:
     """α and β (rad) of each encoder: as stated, drawn where they are declared by a standard deviation."""
     units = stream(seed, "nonlinearity").standard_normal((2, 2))
-    found = []
-    for sensor, unit in zip([rig.sensors.of(name) for name in CHANNELS], units, strict=True):
-        parts = zip(sensor.drawn, unit, strict=True)
-        alpha, beta = (part.value + (part.std or 0.0) * one + 0.0 for part, one in parts)  # + 0.0: no -0.0
-        found.append((float(alpha), float(beta)))
-    return found
+    drawn_parts = []
+    for sensor, normals in zip([rig.sensors.of(name) for name in CHANNELS], units, strict=True):
+        parts = zip(sensor.drawn, normals, strict=True)
+        alpha, beta = (part.value + (part.std or 0.0) * normal + 0.0 for part, normal in parts)  # + 0.0: no -0.0
+        drawn_parts.append((float(alpha), float(beta)))
+    return drawn_parts
 
 
 def draw_delays(rig: Rig, rows: int, seed: int) -> tuple[Array, Array, Array]:
@@ -84,7 +84,7 @@ def draw_delays(rig: Rig, rows: int, seed: int) -> tuple[Array, Array, Array]:
     """
     sensors = [rig.sensors.of(name) for name in CHANNELS]
     units = stream(seed, "latency").standard_normal(2)
-    latencies = [s.latency.value + (s.latency.std or 0.0) * one for s, one in zip(sensors, units, strict=True)]
+    latencies = [s.latency.value + (s.latency.std or 0.0) * unit for s, unit in zip(sensors, units, strict=True)]
     jitters = np.array([s.jitter for s in sensors])
     draws = stream(seed, "jitter").standard_normal(rows) if jitters.any() else np.zeros(1)
     return np.array(latencies), jitters, draws
@@ -132,21 +132,23 @@ PACKAGES = ("swingid", "numpy", "numba")
 @cache
 def versions() -> dict[str, str]:
     """Versions of Python and of what computes the motion."""
-    found = {"python": platform.python_version()}
+    by_name = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
-            found[package] = version(package)
+            by_name[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "unknown"
-    return found
+            by_name[package] = "unknown"
+    return by_name
 
 
 def describe(reference: object) -> str | None:
     """A reference in words: its own `describe()`, else its name; None stays None."""
     if reference is None:
         return None
-    own = getattr(reference, "describe", None)
-    return str(own()) if callable(own) else str(getattr(reference, "__name__", type(reference).__name__))
+    description = getattr(reference, "describe", None)
+    return (
+        str(description()) if callable(description) else str(getattr(reference, "__name__", type(reference).__name__))
+    )
 
 
 def truth(draws: Draws) -> dict[str, object]:
@@ -155,21 +157,21 @@ def truth(draws: Draws) -> dict[str, object]:
     For comparisons after the fact only: no method of identification may read it.
     """
     values = draws.values
-    found: dict[str, object] = {
+    by_name: dict[str, object] = {
         "inertia": values["axis.inertia"],
         "gravity_torque": values["axis.gravity_torque"],
     }
     prefix = "axis.friction."
-    found |= {key.removeprefix(prefix): value for key, value in values.items() if key.startswith(prefix)}
-    found["constants"] = dict(values)
+    by_name |= {key.removeprefix(prefix): value for key, value in values.items() if key.startswith(prefix)}
+    by_name["constants"] = dict(values)
     for i, name in enumerate(("angle", "wheel")):
         encoder = draws.encoders[i]
-        found[f"{name}_encoder"] = {
+        by_name[f"{name}_encoder"] = {
             "nonlinearity_cosine": encoder.alpha,
             "nonlinearity_sine": encoder.beta,
             "latency": draws.latencies[i],
         }
-    return found
+    return by_name
 
 
 def metadata(rig: Rig, made: Draws, controller: object, reference: object, **arguments: object) -> dict[str, object]:

@@ -59,10 +59,10 @@ class Wheel(Table):
 def _dead_zone(raw: object, info: ValidationInfo) -> tuple[float, float]:
     if not isinstance(raw, list | tuple) or len(raw) != 2:
         refuse("not-a-quantity", "must be two torques, [d2, d1] with d2 <= 0 <= d1")
-    found = [read_quantity(edge, info, "N*m") for edge in raw]
-    if any(edge.std is not None for edge in found):
+    edges = [read_quantity(edge, info, "N*m") for edge in raw]
+    if any(edge.std is not None for edge in edges):
         refuse("uncertainty-unused", "takes no uncertainties; write two numbers")
-    low, high = (edge.value for edge in found)
+    low, high = (edge.value for edge in edges)
     if not low <= 0 <= high:
         refuse("out-of-range", f"is [{low:g}, {high:g}], but must be [d2, d1] with d2 <= 0 <= d1")
     return low, high

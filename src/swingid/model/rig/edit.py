@@ -75,8 +75,8 @@ def _table(lines: list[str], name: str) -> tuple[int, int]:
     heads = [(k, match[1].replace(" ", "")) for k, line in enumerate(lines) if (match := _HEADER.match(line))]
     if not name:
         return 0, heads[0][0] if heads else len(lines)
-    for place, (k, found) in enumerate(heads):
-        if found == name:
+    for place, (k, title) in enumerate(heads):
+        if title == name:
             return k + 1, heads[place + 1][0] if place + 1 < len(heads) else len(lines)
     return -1, -1
 

@@ -89,8 +89,8 @@ def _unknown_key(place: tuple[str, ...], root: type[BaseModel], what: str) -> st
         return f"{dotted(place)} is not a known key; did you mean {dotted((*table, near[0]))}?"
     elsewhere = difflib.get_close_matches(key.lower(), sorted({path[-1] for path in everywhere}), n=1, cutoff=0.75)
     if elsewhere:
-        found = next(path for path in everywhere if path[-1] == elsewhere[0])
-        return f"{dotted(place)} is not a known key; did you mean {dotted(found)}?"
+        full = next(path for path in everywhere if path[-1] == elsewhere[0])
+        return f"{dotted(place)} is not a known key; did you mean {dotted(full)}?"
     where = f"[{dotted(table)}]" if table else what
     near = difflib.get_close_matches(key.lower(), siblings, n=1, cutoff=0.0)
     hint = f" (nearest: {near[0]})" if near else ""
@@ -99,13 +99,13 @@ def _unknown_key(place: tuple[str, ...], root: type[BaseModel], what: str) -> st
 
 def _model_at(root: type[BaseModel], place: tuple[str, ...]) -> type[BaseModel]:
     """The model of the table at a place; tables of tables have a name of the user's between."""
-    found, parts = root, list(place)
+    model, parts = root, list(place)
     while parts:
-        annotation = found.model_fields[parts.pop(0)].annotation
-        found = _table_of(annotation) or found
+        annotation = model.model_fields[parts.pop(0)].annotation
+        model = _table_of(annotation) or model
         if get_origin(annotation) is dict:
             parts.pop(0)
-    return found
+    return model
 
 
 def _table_of(annotation: Any) -> type[BaseModel] | None:

@@ -103,10 +103,10 @@ def plain_number(rotary: str, linear: str | None = None, **limits: Unpack[Limits
     """Read as `quantity` does a number that describes a spread or a limit; an uncertainty is refused."""
 
     def read(raw: object, info: ValidationInfo) -> float:
-        found = read_quantity(raw, info, rotary, linear)
-        if found.std is not None:
+        quantity = read_quantity(raw, info, rotary, linear)
+        if quantity.std is not None:
             refuse("uncertainty-unused", "takes no uncertainty; write the number alone")
-        return _within(found, limits).value
+        return _within(quantity, limits).value
 
     return PlainValidator(read)
 
@@ -169,24 +169,28 @@ def unit_of_time(raw: object) -> str:
 
 def two_columns(raw: object) -> tuple[str, str]:
     """The names of two columns, of x and y."""
-    if isinstance(raw, list | tuple) and len(raw) == 2 and all(isinstance(one, str) and one for one in raw):
+    if isinstance(raw, list | tuple) and len(raw) == 2 and all(isinstance(name, str) and name for name in raw):
         return raw[0], raw[1]
     refuse("wrong-value", f'must be the columns of x and y, such as ["x", "y"], not {shown(raw)}')
 
 
 def two_columns_or_place(raw: object) -> tuple[str, str] | tuple[float, float]:
     """The names of two columns, or a place in the picture as two numbers."""
-    if not isinstance(raw, list | tuple) or any(isinstance(one, str) for one in raw):
+    if not isinstance(raw, list | tuple) or any(isinstance(name, str) for name in raw):
         return two_columns(raw)
-    numbers = [one for one in raw if isinstance(one, int | float) and not isinstance(one, bool) and math.isfinite(one)]
+    numbers = [
+        number
+        for number in raw
+        if isinstance(number, int | float) and not isinstance(number, bool) and math.isfinite(number)
+    ]
     if len(numbers) == 2 == len(raw):
         return float(numbers[0]), float(numbers[1])
     refuse("wrong-value", f"must be [x, y] of the pivot, or the columns of a mark on it, not {shown(raw)}")
 
 
-def _within(found: Quantity, limits: Limits) -> Quantity:
+def _within(quantity: Quantity, limits: Limits) -> Quantity:
     """The quantity, refused where its value is outside of the limits."""
-    value = found.value
+    value = quantity.value
     if "above" in limits and value <= limits["above"]:
         limit = "positive" if limits["above"] == 0 else f"above {limits['above']:g}"
         refuse("out-of-range", f"is {value:g}, but must be {limit}")
@@ -197,7 +201,7 @@ def _within(found: Quantity, limits: Limits) -> Quantity:
         refuse("out-of-range", f"is {value:g}, but must be at most {limits['most']:g}")
     if "below" in limits and value >= limits["below"]:
         refuse("out-of-range", f"is {value:g}, but must be below {limits['below']:g}")
-    return found
+    return quantity
 
 
 class TermTable(Table):

@@ -40,9 +40,9 @@ def weighed(raw: Mapping[str, object], info: ValidationInfo) -> Mapping[str, obj
     given = [key for key in KEYS if key in raw]
     if not given:
         return raw
-    for one, other in (("gravity_torque", given[0]), ("lever", "centre_of_mass"), ("g", "latitude")):
-        if one in raw and other in raw:
-            refuse("contradiction", f"is given beside axis.{other}; keep one", one)
+    for first, second in (("gravity_torque", given[0]), ("lever", "centre_of_mass"), ("g", "latitude")):
+        if first in raw and second in raw:
+            refuse("contradiction", f"is given beside axis.{second}; keep one", first)
     lever = "centre_of_mass" if "centre_of_mass" in raw else "lever"
     for key in ("mass", lever):
         if key not in raw:
@@ -56,9 +56,9 @@ def weighed(raw: Mapping[str, object], info: ValidationInfo) -> Mapping[str, obj
     except PydanticCustomError:
         return raw
     factors.setdefault("g", UNKNOWN_PLACE)
-    found = Uncertain(1.0)
+    product = Uncertain(1.0)
     for key, factor in factors.items():
-        found *= factor.uncertain(key)
-    if any(one.value < 0 for one in factors.values()) or not math.isfinite(found.value):
+        product *= factor.uncertain(key)
+    if any(factor.value < 0 for factor in factors.values()) or not math.isfinite(product.value):
         return raw
-    return {**raw, "gravity_torque": Quantity.of(found)}
+    return {**raw, "gravity_torque": Quantity.of(product)}

@@ -23,11 +23,11 @@ def has_rig(path: str | Path) -> bool:
 
 def rig_inside(path: str | Path) -> str:
     """The text of the rig file inside a journal; InputError where there is none, or the file can't be read."""
-    found = _text(path)
-    if found is None:
-        text = f"{path} has no rig file inside, so it is no journal of swingid run; give --rig RIG.toml"
-        raise InputError(text, code="no-rig-inside")
-    return found
+    text = _text(path)
+    if text is None:
+        message = f"{path} has no rig file inside, so it is no journal of swingid run; give --rig RIG.toml"
+        raise InputError(message, code="no-rig-inside")
+    return text
 
 
 def _text(path: str | Path) -> str | None:

@@ -173,28 +173,28 @@ class Rig(Table):
 
         The motor's and the sensors' count where the file states them (what is not stated is not known either).
         """
-        found: dict[str, object] = {}
+        exact: dict[str, object] = {}
         if self.axis.kind == "rotary":
-            found["axis.gravity_torque"] = self.axis.gravity_torque
+            exact["axis.gravity_torque"] = self.axis.gravity_torque
         for term in rig_terms(self):
             if term.value is not None:
-                found[term.term.key] = term.value
+                exact[term.term.key] = term.value
         if self.drive.wheel is not None:
-            found["drive.wheel.inertia"] = self.drive.wheel.inertia
+            exact["drive.wheel.inertia"] = self.drive.wheel.inertia
         if self.drive.motor is not None:
             motor = self.drive.motor
-            found |= {f"drive.motor.{k}": getattr(motor, k) for k in MOTOR_KEYS if stated(motor, k)}
+            exact |= {f"drive.motor.{k}": getattr(motor, k) for k in MOTOR_KEYS if stated(motor, k)}
         if stated(self.sensors, "latency") and self.sensors.latency.value:
-            found["sensors.latency"] = self.sensors.latency
+            exact["sensors.latency"] = self.sensors.latency
         if self.sensors.wheel is not None and self.sensors.wheel.latency.value:
-            found["sensors.wheel.latency"] = self.sensors.wheel.latency
+            exact["sensors.wheel.latency"] = self.sensors.wheel.latency
         if self.drive.channel == "torque":
-            found["log.torque_gain"] = self.log.torque_gain
+            exact["log.torque_gain"] = self.log.torque_gain
         if stated(self.log, "angle_scale"):
-            found["log.angle_scale"] = self.log.angle_scale
+            exact["log.angle_scale"] = self.log.angle_scale
         return tuple(
             key
-            for key, value in found.items()
+            for key, value in exact.items()
             if isinstance(value, Quantity) and value.std is None and key != self.reference
         )
 
@@ -295,8 +295,8 @@ class Rig(Table):
 
     def _check_counts(self) -> None:
         wheel = self.sensors.wheel
-        own = wheel is not None and (stated(wheel, "counts_per_turn") or stated(wheel, "resolution"))
-        wheel_counts = wheel.counts_per_turn if own and wheel is not None else self.sensors.counts_per_turn
+        has_counts = wheel is not None and (stated(wheel, "counts_per_turn") or stated(wheel, "resolution"))
+        wheel_counts = wheel.counts_per_turn if has_counts and wheel is not None else self.sensors.counts_per_turn
         needed = (
             ("angle_unit", "counts", "sensors", self.sensors.counts_per_turn),
             ("angle_speed_unit", "counts/s", "sensors", self.sensors.counts_per_turn),

@@ -71,7 +71,7 @@ LARGEST = 0.5
 
 
 def _known_kind(name: str | None) -> str | None:
-    if name is not None and name.lower() not in [one.lower() for one in NAMES]:
+    if name is not None and name.lower() not in [known.lower() for known in NAMES]:
         refuse("wrong-value", f"is {shown(name)}, but must be one of {', '.join(NAMES)}")
     return name
 
@@ -178,8 +178,8 @@ class Sensors(Encoder):
         """Return whether the steps of the `channel` are stated as a resolution, which is often rounded, not as
         counts.
         """
-        own = None if channel == "angle" else self.wheel
-        stated = own if own is not None and own.model_fields_set & {"counts_per_turn", "resolution"} else self
+        wheel = None if channel == "angle" else self.wheel
+        stated = wheel if wheel is not None and wheel.model_fields_set & {"counts_per_turn", "resolution"} else self
         return stated.counts_per_turn is None
 
     @cached_property
@@ -193,23 +193,23 @@ class Sensors(Encoder):
     @cached_property
     def of_wheel(self) -> Encoder:
         """The keys of the wheel's encoder, its own and inherited ones."""
-        own = {} if self.wheel is None else {key: getattr(self.wheel, key) for key in self.wheel.model_fields_set}
+        stated = {} if self.wheel is None else {key: getattr(self.wheel, key) for key in self.wheel.model_fields_set}
         shared = {key: getattr(self, key) for key in Encoder.model_fields if key not in ONE_ENCODER}
-        if "counts_per_turn" in own or "resolution" in own:
+        if "counts_per_turn" in stated or "resolution" in stated:
             shared |= {"counts_per_turn": None, "resolution": None}
-        if "sensor" in own:
+        if "sensor" in stated:
             shared |= {"nonlinearity": None, "second_harmonic": None}
-        return Encoder.model_construct(**shared | own)
+        return Encoder.model_construct(**shared | stated)
 
     def of_camera(self, *, has_wheel: bool) -> Sensors:
         """Return the sensor as a camera's, of the kind for marks in a video, where nothing is stated of it."""
         if self.sensor is not None or self.says_nonlinearity:
             return self
-        own: dict[str, Any] = {key: getattr(self, key) for key in self.model_fields_set} | {"sensor": "camera"}
+        stated: dict[str, Any] = {key: getattr(self, key) for key in self.model_fields_set} | {"sensor": "camera"}
         if has_wheel and (self.wheel is None or self.wheel.sensor is None):
             known = {} if self.wheel is None else self.wheel.model_dump(exclude_unset=True)
-            own["wheel"] = Encoder.model_validate({**known, "sensor": "unknown"})
-        return Sensors.model_construct(**own)
+            stated["wheel"] = Encoder.model_validate({**known, "sensor": "unknown"})
+        return Sensors.model_construct(**stated)
 
     def with_pivot(self, cosine: float, sine: float) -> Sensors:
         """Return the sensor with standard deviations (rad) of both parts once per turn, where none are stated.
@@ -224,9 +224,9 @@ class Sensors(Encoder):
             "nonlinearity_cosine": Quantity(0.0, cosine),
             "nonlinearity_sine": Quantity(0.0, math.hypot(sine, aside)),
         }
-        own = {key: getattr(self, key) for key in self.model_fields_set}
-        twice = own.get("second_harmonic", math.radians(self.kind.twice))
-        return Sensors.model_construct(**own | parts | {"second_harmonic": twice})
+        stated = {key: getattr(self, key) for key in self.model_fields_set}
+        twice = stated.get("second_harmonic", math.radians(self.kind.twice))
+        return Sensors.model_construct(**stated | parts | {"second_harmonic": twice})
 
     @property
     def says_latency(self) -> bool:

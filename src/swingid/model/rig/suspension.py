@@ -90,15 +90,15 @@ class _Strings(Table):
         shape = 2 * upper.value * lower.value / square
         if shape >= 2:
             refuse("out-of-range", f"is {given.value:g} m, too short for these distances", key)
-        found: dict[str, Any] = {"shape": shape, "height": h, "stiffness": "unknown"}
+        fields: dict[str, Any] = {"shape": shape, "height": h, "stiffness": "unknown"}
         if isinstance(self.mass, Quantity):
             r = lower.uncertain("lower")
             above = r if same else upper.uncertain("upper")
             long = given.uncertain(key)
             high = long if self.height else (long**2 - (above - r) ** 2) ** 0.5
             kappa = self.mass.uncertain("mass") * self.free_fall.uncertain("g") * above * r / high
-            found["stiffness"] = Quantity.of(kappa)
-        return found
+            fields["stiffness"] = Quantity.of(kappa)
+        return fields
 
 
 class Bifilar(_Strings):

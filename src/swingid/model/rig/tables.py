@@ -118,13 +118,13 @@ class Cogging(Table):
 
 
 def _gravity_torque(raw: object, info: ValidationInfo) -> Quantity | str:
-    found = quantity_or_unknown("N*m", "N")(raw, info)
-    if isinstance(found, Quantity) and found.value < 0:
+    torque = quantity_or_unknown("N*m", "N")(raw, info)
+    if isinstance(torque, Quantity) and torque.value < 0:
         refuse(
             "out-of-range",
-            f"is {found.value:g}, but must not be negative: angles count from hanging (see log.angle_zero)",
+            f"is {torque.value:g}, but must not be negative: angles count from hanging (see log.angle_zero)",
         )
-    return found
+    return torque
 
 
 class Axis(TermTable):

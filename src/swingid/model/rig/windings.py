@@ -45,15 +45,15 @@ def of_windings(raw: Mapping[str, object], info: ValidationInfo) -> Mapping[str,
         factors = {key: read_quantity(raw[key], info, unit) for key, unit in UNITS.items() if key in raw}
     except PydanticCustomError:
         return raw
-    if any(not one.value > 0 for one in factors.values()):
+    if any(not factor.value > 0 for factor in factors.values()):
         return raw
     return {**raw, **{key: _product(factors, powers) for key, powers in POWERS.items()}}
 
 
 def _product(factors: Mapping[str, Quantity], powers: Mapping[str, int]) -> Quantity:
     """Product of powers of independent quantities; exact where all of them are."""
-    found = Uncertain(1.0)
-    for key, one in factors.items():
+    product = Uncertain(1.0)
+    for key, factor in factors.items():
         if key in powers:
-            found *= one.uncertain(key) ** powers[key]
-    return Quantity.of(found)
+            product *= factor.uncertain(key) ** powers[key]
+    return Quantity.of(product)

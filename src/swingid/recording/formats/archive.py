@@ -33,11 +33,11 @@ def read(content: bytes, name: str) -> Table:
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            members = [one for one in archive.infolist() if _is_table(one)]
-            if len(members) > MOST_FILES or sum(one.file_size for one in members) > most_unpacked(len(content)):
+            members = [member for member in archive.infolist() if _is_table(member)]
+            if len(members) > MOST_FILES or sum(member.file_size for member in members) > most_unpacked(len(content)):
                 message = f"{name} unpacks to {len(members)} tables or more bytes than an export has; give one log."
                 raise InputError(message, code="not-a-table")
-            texts = {PurePosixPath(one.filename).stem: archive.read(one) for one in members}
+            texts = {PurePosixPath(member.filename).stem: archive.read(member) for member in members}
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError):
         message = f"{name} is not a whole zip archive or Excel workbook, or is encrypted; export it again."
         raise InputError(message, code="not-a-table") from None

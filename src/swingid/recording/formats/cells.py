@@ -94,10 +94,10 @@ def seconds_of(cells: Sequence[str | None]) -> Array | None:
     if not is_stamp(first):
         return None
     day_first = any(_day_first(cell) for cell in cells if cell)
-    found = np.array([_seconds(cell, day_first) if cell else np.nan for cell in cells])
-    if np.count_nonzero(np.isnan(found)) > LOST * len(found):
+    seconds = np.array([_seconds(cell, day_first) if cell else np.nan for cell in cells])
+    if np.count_nonzero(np.isnan(seconds)) > LOST * len(seconds):
         return None
-    return over_midnight(found)
+    return over_midnight(seconds)
 
 
 def over_midnight(seconds: Array) -> Array:
@@ -133,12 +133,12 @@ def _seconds(cell: str, day_first: bool) -> float:
 
 
 @lru_cache(maxsize=64)
-def _days(one: str, two: str, three: str, day_first: bool) -> float:
+def _days(first: str, second: str, third: str, day_first: bool) -> float:
     """Days since 1970 of a date; NaN for none."""
-    if len(one) == 4:
-        year, month, day = one, two, three
+    if len(first) == 4:
+        year, month, day = first, second, third
     else:
-        day, month, year = (one, two, three) if day_first else (two, one, three)
+        day, month, year = (first, second, third) if day_first else (second, first, third)
     whole = int(year) + (2000 if len(year) <= 2 else 0)
     try:
         return float(date(whole, int(month), int(day)).toordinal() - EPOCH)

@@ -189,8 +189,10 @@ def without_lines(content: bytes, skip_rows: int, comment: str | None, name: str
     Files of other formats, and those that swingid wrote, are as they are.
     """
     wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-    own = content.startswith((f"# {METADATA_KEY}:".encode(), b"PK\x03\x04")) or (b"\0" in content[:1024] and not wide)
-    if own or (not skip_rows and not comment):
+    written = content.startswith((f"# {METADATA_KEY}:".encode(), b"PK\x03\x04")) or (
+        b"\0" in content[:1024] and not wide
+    )
+    if written or (not skip_rows and not comment):
         return content
     lines = as_text(content, name).splitlines(keepends=True)[skip_rows:]
     mark = comment.encode() if comment else None
@@ -305,9 +307,9 @@ class File:
                     rest = block[end:]
                     lines = block[:end]
                     if lines and not lines.isspace():
-                        found = read_numbers(_utf8(lines), self.layout, self.path, columns) if quick else None
-                        quick = found is not None
-                        yield found or self._table(lines, columns)
+                        table = read_numbers(_utf8(lines), self.layout, self.path, columns) if quick else None
+                        quick = table is not None
+                        yield table or self._table(lines, columns)
                 if rest.strip():
                     yield self._table(rest, columns)
         except OSError as error:

@@ -122,15 +122,15 @@ STACK = ("scorer", "individuals", "bodyparts", "coords")
 def _with_equal_ends(cells: list[list[str]], width: int, decimal: str) -> list[list[str]]:
     """Lines above the rows as wide as these, where only one of the two ends with a delimiter."""
     open_ended = all(not row[-1].strip() for row in cells if len(row) == width and row)
-    found = []
+    lines = []
     for row in cells:
         if len(row) == width - 1 and open_ended and not _numeric(row, decimal):
-            found.append([*row, ""])
+            lines.append([*row, ""])
         elif len(row) == width + 1 and not row[-1].strip() and not _numeric(row, decimal):
-            found.append(row[:-1])
+            lines.append(row[:-1])
         else:
-            found.append(row)
-    return found
+            lines.append(row)
+    return lines
 
 
 def _below_titles(cells: Sequence[Sequence[str]], first: int, width: int, decimal: str) -> int:
@@ -207,13 +207,13 @@ def split_cells(line: bytes, delimiter: bytes) -> list[str]:
 
 def _lines(body: bytes) -> list[tuple[bytes, int]]:
     """The first lines that hold something, each with its offset."""
-    found: list[tuple[bytes, int]] = []
+    rows: list[tuple[bytes, int]] = []
     at = 0
     for line in body[:200_000].splitlines(keepends=True):
-        if line.strip() and len(found) < _SAMPLE:
-            found.append((line.rstrip(b"\r\n"), at))
+        if line.strip() and len(rows) < _SAMPLE:
+            rows.append((line.rstrip(b"\r\n"), at))
         at += len(line)
-    return found
+    return rows
 
 
 def _delimiter(lines: Sequence[bytes]) -> bytes:

@@ -42,11 +42,11 @@ class File:
         if not is_installed("h5py"):
             return None
         try:
-            found, raw = read_part_apart("h5py", f"{__name__}:layout", Path(path), LAYOUT)
+            columns, raw = read_part_apart("h5py", f"{__name__}:layout", Path(path), LAYOUT)
         except UnreadableError:
             return None  # reading it whole gives the reason
-        lengths = {name: int(values[0]) for name, values in found.items()}
-        chunk = max((int(values[1]) for values in found.values()), default=1)
+        lengths = {name: int(values[0]) for name, values in columns.items()}
+        chunk = max((int(values[1]) for values in columns.values()), default=1)
         return cls(path, lengths, chunk, parse_metadata(raw)) if lengths and chunk <= MOST else None
 
     @property
@@ -70,7 +70,7 @@ class File:
         """The columns in blocks of whole chunks, so that none is unpacked twice."""
         lengths = {name: self.lengths[name] for name in columns}
         first, length = next(iter(lengths.items()))
-        other = next((name for name, own in lengths.items() if own != length), None)
+        other = next((name for name, count in lengths.items() if count != length), None)
         if other is not None:
             message = f"{self.path}: {other!r} has {lengths[other]} values but {first!r} has {length}"
             raise InputError(f"{message}; a log needs one value of each per row.", code="unequal-length")
@@ -80,11 +80,11 @@ class File:
             size = 8 * len(columns) * (stop - start)
             options = {"columns": columns, "start": start, "stop": stop}
             try:
-                found, _ = read_part_apart("h5py", f"{__name__}:rows_of", Path(self.path), size, **options)
+                block, _ = read_part_apart("h5py", f"{__name__}:rows_of", Path(self.path), size, **options)
             except UnreadableError:
                 message = f"{self.path} is not a whole HDF5 file: damaged, or cut off while it was written; save it"
                 raise InputError(f"{message} again.", code="not-a-table") from None
-            yield Table({name: found[name] for name in columns})
+            yield Table({name: block[name] for name in columns})
 
 
 @dataclass(frozen=True)
@@ -105,33 +105,33 @@ class _Numbers:
         index = [slice(None)] * self.item.ndim
         index[self.axis] = slice(start, stop)
         values = np.moveaxis(np.asarray(self.item[tuple(index)], np.float64), self.axis, -1)
-        found: Array = np.ascontiguousarray(values.reshape(len(self.names), stop - start))
-        return found
+        numbers: Array = np.ascontiguousarray(values.reshape(len(self.names), stop - start))
+        return numbers
 
 
 def layout(path: str) -> tuple[Columns, str]:
     """Return each column's length and the rows of a chunk, and the metadata; for the process of `isolated`."""
     with _opened(path) as file:
-        found: Columns = {}
+        columns: Columns = {}
         spare = most_unpacked(Path(path).stat().st_size)
         for numbers in _numbers_in(file):
             spare -= 8 * int(numbers.item.size)
             if spare < 0:
                 raise ValueError("more numbers than the file can hold")
             chunk = 1 if numbers.item.chunks is None else numbers.item.chunks[numbers.axis]
-            found |= {name: np.array([numbers.length, chunk], np.float64) for name in numbers.names}
+            columns |= {name: np.array([numbers.length, chunk], np.float64) for name in numbers.names}
         raw = file.attrs.get(METADATA_KEY, "{}")
-        return found, raw if isinstance(raw, str) else "{}"
+        return columns, raw if isinstance(raw, str) else "{}"
 
 
 def rows_of(path: str, columns: list[str], start: int, stop: int) -> tuple[Columns, str]:
     """Some rows of some columns; for the process of `isolated`."""
     with _opened(path) as file:
-        found: Columns = {}
+        values: Columns = {}
         for numbers in _numbers_in(file):
             if set(numbers.names) & set(columns):
-                found |= dict(zip(numbers.names, numbers.read(start, stop), strict=True))
-        return {name: found[name] for name in columns}, "{}"
+                values |= dict(zip(numbers.names, numbers.read(start, stop), strict=True))
+        return {name: values[name] for name in columns}, "{}"
 
 
 def _opened(path: str) -> Any:

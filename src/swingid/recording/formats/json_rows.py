@@ -101,12 +101,12 @@ def _lines(text: str, name: str) -> tuple[list[dict[str, Any]], object, int]:
 
 def _arrays(header: object) -> Columns:
     """The arrays of numbers in an object."""
-    found: Columns = {}
+    columns: Columns = {}
     for key, value in header.items() if isinstance(header, dict) else ():
         numbers = isinstance(value, list) and all(isinstance(cell, int | float) or cell is None for cell in value)
         if numbers and len(value) > 1:
-            found[str(key)] = np.array([number_of(cell) for cell in value])
-    return found
+            columns[str(key)] = np.array([number_of(cell) for cell in value])
+    return columns
 
 
 FULL_DUTY = 885
@@ -123,7 +123,7 @@ def is_bam(header: Mapping[str, Any]) -> bool:
 
 def decoded(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The entries with two more columns: `duty` from -1 to 1, and `bridge_volts`, duty times the supply."""
-    found = []
+    objects = []
     for row in rows:
         load, volts = row.get("load"), row.get("input_volts")
         more: dict[str, Any] = {}
@@ -131,5 +131,5 @@ def decoded(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             more["duty"] = (load - 65536 if load > 32767 else load) / FULL_DUTY
             if isinstance(volts, int | float) and abs(volts) < LARGEST_SUPPLY:
                 more["bridge_volts"] = more["duty"] * volts
-        found.append({**row, **more})
-    return found
+        objects.append({**row, **more})
+    return objects

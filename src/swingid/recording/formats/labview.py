@@ -75,14 +75,14 @@ def _segments(lines: list[str], mark: str) -> tuple[dict[str, list[str]], list[s
 
 def _unlike(names: list[str]) -> list[str]:
     """Names without the comment's, each once: a second X_Value is called X_Value 2."""
-    found: list[str] = []
+    differing: list[str] = []
     for raw in names:
         name = raw.strip()
         if not name or name == "Comment":
             break
-        same = sum(other == name or other.startswith(f"{name} ") for other in found)
-        found.append(f"{name} {same + 1}" if same else name)
-    return found
+        same = sum(other == name or other.startswith(f"{name} ") for other in differing)
+        differing.append(f"{name} {same + 1}" if same else name)
+    return differing
 
 
 def _labelled(names: list[str], labels: list[str]) -> Iterator[tuple[str, str]]:

@@ -118,10 +118,10 @@ def _elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 def _unpacked(data: bytes, most: int) -> bytes:
     """What was compressed; ValueError where it is more than `most` bytes, or cut off."""
     inflater = zlib.decompressobj()
-    found = inflater.decompress(data, most)
+    unpacked = inflater.decompress(data, most)
     if not inflater.eof:
         raise ValueError("more numbers than the file can hold, or cut off")
-    return found
+    return unpacked
 
 
 def _collect(columns: Columns, prefix: str, kind: int, data: bytes, order: str, depth: int = 0) -> None:
@@ -176,19 +176,19 @@ def read_objects(content: bytes, name: str) -> Columns:
 def extract(path: str) -> tuple[Columns, str]:
     """Columns of the time series in a file; for the process of `isolated`, for damage crashes the package."""
     variables = importlib.import_module("matio").load_from_mat(path)
-    found: list[tuple[str, Array, NDArray[Any]]] = []
+    series: list[tuple[str, Array, NDArray[Any]]] = []
     for variable, value in variables.items():
-        found += _series(value, str(variable), 0)
-    return _columns(found), "{}"
+        series += _series(value, str(variable), 0)
+    return _columns(series), "{}"
 
 
-def _columns(found: list[tuple[str, Array, NDArray[Any]]]) -> Columns:
+def _columns(variables: list[tuple[str, Array, NDArray[Any]]]) -> Columns:
     columns: Columns = {}
-    if not found:
+    if not variables:
         return columns
-    common = found[0][1]
+    common = variables[0][1]
     columns["time"] = common
-    for name, time, data in found:
+    for name, time, data in variables:
         free = name
         number = 2
         while free in columns:
@@ -208,9 +208,9 @@ def _series(value: Any, name: str, depth: int) -> Iterator[tuple[str, Array, NDA
         if getattr(value, "classname", "") == "timeseries":
             yield from _of_timeseries(properties, name)
             return
-        own = _text(properties.get("Name")) or name
+        title = _text(properties.get("Name")) or name
         for inner in properties.values():
-            yield from _series(inner, own, depth + 1)
+            yield from _series(inner, title, depth + 1)
     elif isinstance(value, dict):
         for key, inner in value.items():
             yield from _series(inner, f"{name}.{key}", depth + 1)

@@ -45,14 +45,14 @@ def read(content: bytes, name: str) -> Table:
     topics: dict[str, list[dict[str, float]]] = {}
     try:
         try:
-            found = _whole(content)
+            contents = _whole(content)
         except Exception as error:
-            found = _up_to_the_cut(content)
-            if not found.cut:
+            contents = _up_to_the_cut(content)
+            if not contents.cut:
                 raise error from None
         decode = _ros2_decoder()
-        for schema, channel, message in found.messages:
-            if found.metadata.get("live") and channel.topic != LIVE:
+        for schema, channel, message in contents.messages:
+            if contents.metadata.get("live") and channel.topic != LIVE:
                 continue
             cells = _cells(schema, channel, message, decode, name)
             if cells:
@@ -69,7 +69,7 @@ def read(content: bytes, name: str) -> Table:
     for topic, rows in topics.items():
         prefix = "" if len(topics) == 1 else f"{topic}."
         columns |= {prefix + key: values for key, values in columns_of(rows).items()}
-    return Table(columns, found.metadata)
+    return Table(columns, contents.metadata)
 
 
 @dataclass
@@ -94,12 +94,12 @@ class _Found:
 def _whole(content: bytes) -> _Found:
     from mcap.reader import make_reader
 
-    found = _Found()
+    contents = _Found()
     reader = make_reader(io.BytesIO(content))
     for record in reader.iter_metadata():
-        found.note(record)
-    found.messages = list(reader.iter_messages())
-    return found
+        contents.note(record)
+    contents.messages = list(reader.iter_messages())
+    return contents
 
 
 def _up_to_the_cut(content: bytes) -> _Found:
@@ -110,7 +110,7 @@ def _up_to_the_cut(content: bytes) -> _Found:
     from mcap.records import Channel, Message, Metadata, Schema
     from mcap.stream_reader import StreamReader
 
-    found = _Found()
+    contents = _Found()
     schemas: dict[int, Any] = {0: None}
     channels: dict[int, Any] = {}
     try:
@@ -120,17 +120,17 @@ def _up_to_the_cut(content: bytes) -> _Found:
             elif isinstance(record, Channel):
                 channels[record.id] = record
             elif isinstance(record, Metadata):
-                found.note(record)
+                contents.note(record)
             elif isinstance(record, Message):
                 channel = channels[record.channel_id]
-                found.messages.append((schemas[channel.schema_id], channel, record))
+                contents.messages.append((schemas[channel.schema_id], channel, record))
     except (EndOfFile, struct.error):  # the second within the last bytes
-        found.cut = bool(found.metadata.get("live"))
-    found.messages.sort(key=lambda entry: int(entry[2].log_time))
-    saved = found.metadata.get("findings")
+        contents.cut = bool(contents.metadata.get("live"))
+    contents.messages.sort(key=lambda entry: int(entry[2].log_time))
+    saved = contents.metadata.get("findings")
     entry = {"code": "cut-off", "message": CUT, "level": "warning"}
-    found.metadata = found.metadata | {"findings": [*(saved if isinstance(saved, list) else []), entry]}
-    return found
+    contents.metadata = contents.metadata | {"findings": [*(saved if isinstance(saved, list) else []), entry]}
+    return contents
 
 
 CUT = (
@@ -183,8 +183,8 @@ def _cells(schema: Any, channel: Any, message: Any, decode: Any, name: str) -> d
     """The numbers of one message with its instant as "time" (unless it has a "t" or "time" of its own)."""
     cells: dict[str, float] = {}
     if channel.message_encoding == "json":
-        found = json.loads(message.data)
-        cells = flat(found) if isinstance(found, dict) else {}
+        row = json.loads(message.data)
+        cells = flat(row) if isinstance(row, dict) else {}
         cells = {key: float(value) for key, value in cells.items() if isinstance(value, int | float)}
     elif channel.message_encoding == "cdr" and schema is not None and schema.name == JOINT_STATE:
         if decode is None:

@@ -33,18 +33,18 @@ def indexed(stream: BinaryIO, places: Mapping[int, int]) -> Ints:
 
     places: in the file, of the index of each channel.
     """
-    found = [np.empty(0, np.int64)]
+    offsets = [np.empty(0, np.int64)]
     for place in places.values():
         stream.seek(place)
         head = stream.read(RECORD + 6)
         if len(head) < RECORD + 6 or head[0] != INDEX:
-            return found[0]
+            return offsets[0]
         (size,) = struct.unpack_from("<I", head, RECORD + 2)
         content = stream.read(size)
         if len(content) < size or size % 16:
-            return found[0]
-        found.append(np.frombuffer(content, "<i8").reshape(-1, 2)[:, 1])
-    return np.sort(np.concatenate(found))
+            return offsets[0]
+        offsets.append(np.frombuffer(content, "<i8").reshape(-1, 2)[:, 1])
+    return np.sort(np.concatenate(offsets))
 
 
 def split(data: Bytes, wanted: Bools, begins: Ints) -> tuple[bytes, Ints, Ints]:
@@ -62,8 +62,8 @@ def split(data: Bytes, wanted: Bools, begins: Ints) -> tuple[bytes, Ints, Ints]:
     if not begins.size:
         return b"", begins, begins
     heads = data[begins[:, None] + np.arange(RECORD + HEAD)]
-    own = wanted[heads[:, RECORD : RECORD + 2].copy().view("<u2")[:, 0]]
-    heads, begins, lengths = heads[own], begins[own], lengths[own]
+    of_channel = wanted[heads[:, RECORD : RECORD + 2].copy().view("<u2")[:, 0]]
+    heads, begins, lengths = heads[of_channel], begins[of_channel], lengths[of_channel]
     stamps = heads[:, RECORD + 6 : RECORD + 14].copy().view("<i8")[:, 0].astype(np.int64)
     sizes = lengths - HEAD + 1  # with the byte before the data, in whose place the newline comes
     edges = np.zeros(data.size + 1, np.int8)

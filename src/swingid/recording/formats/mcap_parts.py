@@ -73,17 +73,17 @@ class File:
                 summary = reader.get_summary()
                 if summary is None or summary.statistics is None or not _follow(summary.chunk_indexes):
                     return None
-                found = mcap._Found()
+                contents = mcap._Found()
                 for record in reader.iter_metadata():
-                    found.note(record)
-                topics = _topics(reader, summary, bool(found.metadata.get("live")))
+                    contents.note(record)
+                topics = _topics(reader, summary, bool(contents.metadata.get("live")))
         except InputError:
             raise
         except Exception:  # damage may fail anywhere in the other package; reading it whole gives the reason
             return None
         if not topics:
             return None
-        return cls(path, max(topic.rows for topic in topics), found.metadata, tuple(topics), summary)
+        return cls(path, max(topic.rows for topic in topics), contents.metadata, tuple(topics), summary)
 
     def header(self) -> Table:
         """The columns, each with a row of zeros in the place of its own."""
@@ -105,7 +105,7 @@ class File:
         wanted = [column.removeprefix(prefix) for column in columns]
         with _damaged(self.path), Path(self.path).open("rb") as stream:
             waiting = _Messages(topic, self.path)
-            for index in sorted(self.summary.chunk_indexes, key=lambda one: int(one.message_start_time)):
+            for index in sorted(self.summary.chunk_indexes, key=lambda chunk: int(chunk.message_start_time)):
                 if not index.message_index_offsets or topic.channels & index.message_index_offsets.keys():
                     waiting.take(_chunk(stream, index), self.summary, indexed(stream, index.message_index_offsets))
                 if waiting.rows >= rows:
@@ -120,12 +120,12 @@ class File:
     def _topic_of(self, columns: list[str]) -> _Topic:
         """The topic of which the columns are; InputError where they are of several."""
         owners = {column: topic for topic in self.topics for column in self._names(topic)}
-        found = {owners[column].name: owners[column] for column in columns}
-        if len(found) > 1:
-            message = f"{self.path} has the columns {', '.join(columns)} in several topics ({', '.join(found)}), which"
+        topics = {owners[column].name: owners[column] for column in columns}
+        if len(topics) > 1:
+            message = f"{self.path} has the columns {', '.join(columns)} in several topics ({', '.join(topics)}), which"
             message += " are not read in parts; write them into one topic, or convert a shorter log."
             raise InputError(message, code="not-in-parts")
-        return next(iter(found.values()))
+        return next(iter(topics.values()))
 
     def _names(self, topic: _Topic) -> list[str]:
         return [self._prefix(topic) + column for column in topic.columns]
@@ -218,9 +218,9 @@ class _Messages:
         """Columns of messages as `mcap.read` has them."""
         decode = mcap._ros2_decoder()
         rows = [mcap._cells(*entry, decode, self.path) for entry in self._entries()]
-        found = columns_of([cells for cells in rows if cells])
+        columns = columns_of([cells for cells in rows if cells])
         length = sum(1 for cells in rows if cells)
-        return {name: np.asarray(found.get(name, np.full(length, np.nan)), np.float64) for name in wanted}
+        return {name: np.asarray(columns.get(name, np.full(length, np.nan)), np.float64) for name in wanted}
 
     def _entries(self) -> list[tuple[Any, Any, Any]]:
         """Schema, channel and message of each in the order of the log's time."""
@@ -252,9 +252,9 @@ _JSON = _Encoding("json")
 
 def _follow(indexes: list[Any]) -> bool:
     """Return whether chunks follow each other in time, and none claims to hold more than it can."""
-    ordered = sorted(indexes, key=lambda one: int(one.message_start_time))
-    apart = all(one.message_end_time <= other.message_start_time for one, other in pairwise(ordered))
-    possible = all(one.uncompressed_size <= most_unpacked(one.compressed_size) for one in ordered)
+    ordered = sorted(indexes, key=lambda index: int(index.message_start_time))
+    apart = all(index.message_end_time <= other.message_start_time for index, other in pairwise(ordered))
+    possible = all(index.uncompressed_size <= most_unpacked(index.compressed_size) for index in ordered)
     return bool(ordered) and apart and possible
 
 
@@ -265,26 +265,26 @@ def _topics(reader: Any, summary: Any, live: bool) -> list[_Topic]:
         if not live or channel.topic == mcap.LIVE:
             channels.setdefault(channel.topic, []).append(channel)
     decode = mcap._ros2_decoder()
-    found = []
-    for name, own in channels.items():
+    topics = []
+    for name, of_topic in channels.items():
         counts = summary.statistics.channel_message_counts
-        rows = sum(int(counts.get(channel.id, 0)) for channel in own)
+        rows = sum(int(counts.get(channel.id, 0)) for channel in of_topic)
         sample = list(islice(reader.iter_messages(topics=[name]), SAMPLE)) if rows else []
         cells = [mcap._cells(kind, channel, message, decode, name) for kind, channel, message in sample]
         columns = tuple(dict.fromkeys(column for row in cells for column in row))
         if not columns:
             continue
-        in_json = all(channel.message_encoding == "json" for channel in own)
+        in_json = all(channel.message_encoding == "json" for channel in of_topic)
         paths = _paths([json.loads(entry[2].data) for entry in sample]) if in_json else {}
         clock = next((column for column in columns if column not in paths), None) if paths else None
-        ids = frozenset(int(channel.id) for channel in own)
-        found.append(_Topic(name.strip("/").replace("/", "."), ids, rows, columns, paths, clock))
-    return found
+        ids = frozenset(int(channel.id) for channel in of_topic)
+        topics.append(_Topic(name.strip("/").replace("/", "."), ids, rows, columns, paths, clock))
+    return topics
 
 
 def _paths(messages: list[Any]) -> dict[str, tuple[str, ...]]:
     """The place of each number in nested objects; none where two places have one name."""
-    found: dict[str, tuple[str, ...]] = {}
+    by_name: dict[str, tuple[str, ...]] = {}
 
     def walk(node: Mapping[str, Any], above: tuple[str, ...]) -> bool:
         for key, value in node.items():
@@ -292,12 +292,12 @@ def _paths(messages: list[Any]) -> dict[str, tuple[str, ...]]:
             if isinstance(value, dict):
                 if not walk(value, place):
                     return False
-            elif isinstance(value, int | float) and found.setdefault(".".join(place), place) != place:
+            elif isinstance(value, int | float) and by_name.setdefault(".".join(place), place) != place:
                 return False
         return True
 
     plain = [message for message in messages if isinstance(message, dict) and flat(message)]
-    return found if all(walk(message, ()) for message in plain) else {}
+    return by_name if all(walk(message, ()) for message in plain) else {}
 
 
 def _schema(paths: Mapping[str, tuple[str, ...]]) -> Any:

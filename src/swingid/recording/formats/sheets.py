@@ -27,7 +27,7 @@ def joined(sheets: Mapping[str, Table], name: str, what: str, problems: Sequence
     so channels are of one of them. Raises InputError where none holds numbers; problems: what is wrong with sheets that
     hold something and are no table, of which it then states the first.
     """
-    filled = {title: own for title, own in sheets.items() if _rows(own) >= FEWEST_ROWS}
+    filled = {title: rows for title, rows in sheets.items() if _rows(rows) >= FEWEST_ROWS}
     if not filled and problems:
         raise InputError(f"{name}: {problems[0]}", code="not-a-table")
     if not filled:
@@ -37,10 +37,10 @@ def joined(sheets: Mapping[str, Table], name: str, what: str, problems: Sequence
     main = max(filled, key=lambda title: (_is_gyroscope(title, filled[title]), _rows(filled[title])))
     columns: Columns = dict(filled[main].columns)
     units = units_of_gyroscope(main, filled[main])
-    for title, own in filled.items():
+    for title, rows in filled.items():
         if title != main:
-            columns |= {f"{title}.{column}": values for column, values in own.columns.items()}
-            units |= {f"{title}.{column}": unit for column, unit in own.units.items()}
+            columns |= {f"{title}.{column}": values for column, values in rows.columns.items()}
+            units |= {f"{title}.{column}": unit for column, unit in rows.units.items()}
     return Table(columns, filled[main].metadata, filled[main].unreadable_rows, units)
 
 

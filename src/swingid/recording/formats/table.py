@@ -106,13 +106,13 @@ def resized(tables: Iterable[Table], rows: int) -> Iterator[Table]:
         count += len(next(iter(table.columns.values())))
         if count < rows:
             continue
-        joined = {name: np.concatenate([one[name] for one in waiting]) for name in table.columns}
+        joined = {name: np.concatenate([columns[name] for columns in waiting]) for name in table.columns}
         full = count // rows * rows
         for begin in range(0, full, rows):
             yield Table({name: values[begin : begin + rows] for name, values in joined.items()})
         waiting, count = [{name: values[full:] for name, values in joined.items()}], count - full
     if count:
-        yield Table({name: np.concatenate([one[name] for one in waiting]) for name in waiting[0]})
+        yield Table({name: np.concatenate([columns[name] for columns in waiting]) for name in waiting[0]})
 
 
 WIDEST = 64
@@ -149,14 +149,14 @@ def flat(row: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def columns_of(rows: Sequence[Mapping[str, Any]]) -> Columns:
     """Columns over all keys that occur in rows of cells; a row without a key has no number there."""
-    found: Columns = {}
+    columns: Columns = {}
     for name in dict.fromkeys(key for row in rows for key in row):
         cells = [row.get(name) for row in rows]
         if all(cell is None or isinstance(cell, int | float) for cell in cells):
-            found[name] = np.array([number_of(cell) for cell in cells])
+            columns[name] = np.array([number_of(cell) for cell in cells])
         else:
-            found[name] = np.array([None if cell is None else str(cell) for cell in cells], dtype=object)
-    return found
+            columns[name] = np.array([None if cell is None else str(cell) for cell in cells], dtype=object)
+    return columns
 
 
 def number_of(cell: float | None) -> float:

@@ -42,7 +42,7 @@ def read(content: bytes, name: str) -> Table:
         title, _, column = key.partition(SEPARATOR)
         sheets[title][column] = values
     units = json.loads(raw)["units"]
-    tables = {title: Table(own, units=units.get(title, {})) for title, own in sheets.items()}
+    tables = {title: Table(sheet, units=units.get(title, {})) for title, sheet in sheets.items()}
     return joined(tables, name, "sheet", json.loads(raw)["problems"])
 
 

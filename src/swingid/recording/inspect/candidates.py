@@ -184,11 +184,11 @@ def slope(values: Array, stamps: Array) -> Array:
     return np.where(np.abs(slope) <= limit, slope, 0.0)
 
 
-def correlation(one: Array, other: Array) -> float:
+def correlation(first: Array, second: Array) -> float:
     """Pearson's correlation, 0 where one of the two does not vary."""
-    one, other = one - one.mean(), other - other.mean()
-    size = float(np.sqrt((one @ one) * (other @ other)))
-    return float(one @ other) / size if size > 0 and np.isfinite(size) else 0.0
+    first, second = first - first.mean(), second - second.mean()
+    size = float(np.sqrt((first @ first) * (second @ second)))
+    return float(first @ second) / size if size > 0 and np.isfinite(size) else 0.0
 
 
 def roughness(values: Array) -> float:
@@ -252,9 +252,9 @@ class Candidate:
         return self.unit if self.unit in ROLE_UNITS[role] else ""
 
 
-def among(one: Candidate, many: Iterable[Candidate]) -> bool:
+def among(candidate: Candidate, many: Iterable[Candidate]) -> bool:
     """Return whether `one` is among `many`."""
-    return any(one is other for other in many)
+    return any(candidate is other for other in many)
 
 
 def fits(candidate: Candidate, role: str) -> float:
@@ -267,7 +267,7 @@ def fits(candidate: Candidate, role: str) -> float:
     return score - candidate.scores["other"]
 
 
-def alike(one: Candidate, other: Candidate) -> bool:
+def alike(first: Candidate, second: Candidate) -> bool:
     """Return whether two columns are one motion, measured or reference: correlated and of similar range."""
-    ratio = one.column.span / max(other.column.span, 1e-300)
-    return 0.3 < ratio < 3.0 and correlation(thin(one.values), thin(other.values)) > ALIKE
+    ratio = first.column.span / max(second.column.span, 1e-300)
+    return 0.3 < ratio < 3.0 and correlation(thin(first.values), thin(second.values)) > ALIKE

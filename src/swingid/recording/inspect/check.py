@@ -37,9 +37,9 @@ class Check:
 
     def to_dict(self) -> dict[str, object]:
         """Return plain data for JSON."""
-        found = {field.name: getattr(self, field.name) for field in fields(self)}
-        own = found.pop("own")
-        return found | {"values": dict(self.values), "own_repair": own}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        repair = values.pop("own")
+        return values | {"values": dict(self.values), "own_repair": repair}
 
 
 GAP = 1.5
@@ -142,7 +142,7 @@ def check_clock(clock: Clock, name: str) -> list[Check]:
         return [Check("rate", "rate", "fault", f"{text}.", "log the time, or set [log] rate", values)]
     share = clock.jitter / clock.step
     steps = "evenly spaced" if share < EVEN else f"steps scatter by {share:.0%} ({clock.jitter * 1e3:.3g} ms)"
-    found = [
+    findings = [
         Check(
             "rate",
             "rate",
@@ -158,7 +158,7 @@ def check_clock(clock: Clock, name: str) -> list[Check]:
         share = clock.lost / (rows + clock.lost)
         none = "a row per edge of the encoder, none is lost." if clock.edges else "no rows seem lost."
         text += f"; {clock.lost} rows ({share:.2%}) seem lost." if clock.lost else f"; {none}"
-        found.append(Check("gaps", "gaps", "note", text, "", {"gaps": clock.gaps, "lost": clock.lost}))
+        findings.append(Check("gaps", "gaps", "note", text, "", {"gaps": clock.gaps, "lost": clock.lost}))
     if clock.repeated:
         text = f"{clock.repeated} rows have the time of the row before, {clock.copies} of them are copies of it"
         other = clock.repeated - clock.copies
@@ -166,11 +166,11 @@ def check_clock(clock: Clock, name: str) -> list[Check]:
         remedy = "" if slips else "log the time with more digits"
         text += "; these are left out." if slips else "; the others contradict it."
         values = {"repeated": clock.repeated, "copies": clock.copies}
-        found.append(Check("repeated-rows", "repeated rows", "note" if slips else "advice", text, remedy, values))
+        findings.append(Check("repeated-rows", "repeated rows", "note" if slips else "advice", text, remedy, values))
     if clock.backwards:
         text = f"the time runs backwards after {clock.backwards} of {rows} rows."
         slips = few(clock.backwards, rows)
         remedy = "" if slips else "give one run per file"
         level: Level = "note" if slips else "fault"
-        found.append(Check("backwards", "order of rows", level, text, remedy, {"backwards": clock.backwards}))
-    return found
+        findings.append(Check("backwards", "order of rows", level, text, remedy, {"backwards": clock.backwards}))
+    return findings

@@ -36,7 +36,7 @@ SLOWEST, FASTEST = 4.0, 50_000.0
 """Rows per second that rigs log."""
 
 
-def guess_time(candidates: list[Candidate], found: dict[str, Role]) -> Candidate | None:
+def guess_time(candidates: list[Candidate], roles: dict[str, Role]) -> Candidate | None:
     """The clock: a column that rises, best one that is called so; its unit from the header or from the rate."""
     best: tuple[float, Candidate, float] | None = None
     for candidate in candidates:
@@ -69,7 +69,7 @@ def guess_time(candidates: list[Candidate], found: dict[str, Role]) -> Candidate
         fits = [name for name, factor in SECONDS.items() if SLOWEST <= 1 / (usual * factor) <= FASTEST]
         unit = fits[0] if fits else "s"
         why += f", {1 / (usual * SECONDS[unit]):.4g} rows per second if in {unit}"
-    found["time"] = Role("time", candidate.name, unit or "s", why, candidate.scores["time"] >= 2)
+    roles["time"] = Role("time", candidate.name, unit or "s", why, candidate.scores["time"] >= 2)
     return candidate
 
 
@@ -83,13 +83,13 @@ def counts_rows(candidate: Candidate) -> bool:
 
 def clocks_beside(candidates: list[Candidate]) -> dict[str, str]:
     """What other columns are that only rise: clocks by their name, and numbers of the rows."""
-    found = {c.name: "numbers the rows" for c in candidates if counts_rows(c)}
+    others = {c.name: "numbers the rows" for c in candidates if counts_rows(c)}
     for candidate in candidates:
         steps = np.diff(candidate.values)
         steps = steps[np.isfinite(steps)]
         if steps.size and candidate.scores["time"] >= 2 and np.mean(steps >= 0) >= RISING:
-            found.setdefault(candidate.name, "another clock")
-    return found
+            others.setdefault(candidate.name, "another clock")
+    return others
 
 
 def guess_speeds(moving: list[Candidate], stamps: Array) -> list[tuple[Candidate, str]]:
@@ -132,7 +132,7 @@ NO_NAME = re.compile(
 """Names without a meaning."""
 
 
-def guess_angle(moving: list[Candidate], found: dict[str, Role]) -> Candidate | None:
+def guess_angle(moving: list[Candidate], roles: dict[str, Role]) -> Candidate | None:
     """The pendulum's angle: by name and unit, else the smoothest column."""
     scored = [(traits.fits(c, "angle") - 1.5 * c.scores["reference"] - 0.8 * c.scores["wheel"], c) for c in moving]
     best, angle = max(scored, key=lambda s: s[0], default=(0.0, None))
@@ -156,7 +156,7 @@ def guess_angle(moving: list[Candidate], found: dict[str, Role]) -> Candidate | 
     else:
         unit, reason = _angle_unit(angle.column)
         why += f"; {unit} {reason}"
-    found["angle"] = Role("angle", angle.name, unit, why, best >= 2)
+    roles["angle"] = Role("angle", angle.name, unit, why, best >= 2)
     return angle
 
 
@@ -175,22 +175,22 @@ def _angle_unit(column: Column) -> tuple[str, str]:
 
 
 def guess_wheel(
-    left: list[Candidate], angle: Candidate, speeds: list[tuple[Candidate, str]], found: dict[str, Role]
+    unassigned: list[Candidate], angle: Candidate, speeds: list[tuple[Candidate, str]], roles: dict[str, Role]
 ) -> list[Candidate]:
     """The wheel's angle: by its name, else a second smooth position that goes farther than the pendulum's."""
-    named = [(traits.fits(c, "wheel") - c.scores["reference"], c) for c in left if c.scores["wheel"] >= 2]
+    named = [(traits.fits(c, "wheel") - c.scores["reference"], c) for c in unassigned if c.scores["wheel"] >= 2]
     named = [(score, c) for score, c in named if score >= 2 and traits.roughness(c.values) < 0.5]
     wheel, why = None, "by its name"
     if named:
         wheel = max(named, key=lambda s: s[0])[1]
     else:
-        unnamed = [c for c in left if NO_NAME.fullmatch(c.name) or _same_but_number(c, angle)]
+        unnamed = [c for c in unassigned if NO_NAME.fullmatch(c.name) or _same_but_number(c, angle)]
         unnamed = [c for c in unnamed if not c.unit and traits.roughness(c.values) < POSITION]
         unnamed = [c for c in unnamed if not traits.alike(c, angle)]
         wheel = max((c for c in unnamed if c.column.span > 3 * angle.column.span), key=_span, default=None)
         why = f"a smooth position over {0.0 if wheel is None else wheel.column.span:.3g}"
     if wheel is None:
-        return left
+        return unassigned
     unit = wheel.unit_in("wheel")
     by_steps, counts = unit_of_steps(wheel.column)
     if not unit and by_steps:
@@ -199,71 +199,72 @@ def guess_wheel(
     elif not unit:
         whole = wheel.column.kind == "whole numbers" and wheel.column.span > 50
         unit = (
-            "counts" if whole else found["angle"].unit if found["angle"].unit in traits.ROLE_UNITS["wheel"] else "rad"
+            "counts" if whole else roles["angle"].unit if roles["angle"].unit in traits.ROLE_UNITS["wheel"] else "rad"
         )
         why += f"; {unit} as the angle" if not whole else "; whole numbers, so counts"
-    found["wheel_angle"] = Role("wheel_angle", wheel.name, unit, why, bool(named))
-    return [c for c in left if c is not wheel]
+    roles["wheel_angle"] = Role("wheel_angle", wheel.name, unit, why, bool(named))
+    return [c for c in unassigned if c is not wheel]
 
 
-def _same_but_number(one: Candidate, other: Candidate) -> bool:
+def _same_but_number(first: Candidate, second: Candidate) -> bool:
     """Return whether two names differ in their numbers only."""
-    return re.sub(r"\d+", "", one.name) == re.sub(r"\d+", "", other.name)
+    return re.sub(r"\d+", "", first.name) == re.sub(r"\d+", "", second.name)
 
 
 def _span(candidate: Candidate) -> float:
     return candidate.column.span
 
 
-def guess_reference(left: list[Candidate], angle: Candidate, found: dict[str, Role]) -> list[Candidate]:
+def guess_reference(unassigned: list[Candidate], angle: Candidate, roles: dict[str, Role]) -> list[Candidate]:
     """The reference of the angle: called so, or moving with it as one."""
     beside = [
-        (traits.correlation(traits.thin(c.values), traits.thin(angle.values)), c, traits.alike(c, angle)) for c in left
+        (traits.correlation(traits.thin(c.values), traits.thin(angle.values)), c, traits.alike(c, angle))
+        for c in unassigned
     ]
     scored = [(c.scores["reference"] + 3.0 * same, r, c) for r, c, same in beside if same or _names_reference(c)]
     scored = [s for s in scored if s[2].scores["torque"] < 2 and s[2].scores["voltage"] < 2]
     if not scored:
-        return left
+        return unassigned
     _, r, reference = max(scored, key=lambda s: (s[0], s[1]))
     text = f"goes with the angle (correlation {r:.3f})"
     role = Role("reference", reference.name, reference.unit, text, reference.scores["reference"] >= 2)
-    found["reference"] = role
-    return [c for c in left if c is not reference]
+    roles["reference"] = role
+    return [c for c in unassigned if c is not reference]
 
 
 def _names_reference(candidate: Candidate) -> bool:
     return candidate.scores["reference"] >= 3 or (candidate.scores["reference"] >= 2 and candidate.scores["angle"] >= 1)
 
 
-def guess_drive(left: list[Candidate], found: dict[str, Role]) -> list[Candidate]:
+def guess_drive(unassigned: list[Candidate], roles: dict[str, Role]) -> list[Candidate]:
     """Voltage and torque, by name and unit; without a wheel a voltage beside no torque is that of a motor."""
     taken: list[Candidate] = []
-    wheel = "wheel_angle" in found or any(c.scores["wheel"] >= 2 for c in left)
+    wheel = "wheel_angle" in roles or any(c.scores["wheel"] >= 2 for c in unassigned)
     for role in ("torque", "voltage"):
-        if role == "voltage" and "torque" in found and not wheel:
+        if role == "voltage" and "torque" in roles and not wheel:
             continue
-        scored = [(traits.fits(c, role), c) for c in left if not traits.among(c, taken)]
+        scored = [(traits.fits(c, role), c) for c in unassigned if not traits.among(c, taken)]
         score, best = max(scored, key=lambda s: s[0], default=(0.0, None))
         if best is None or score < 2:
             continue
-        if role == "torque" and "wheel_angle" in found:
+        if role == "torque" and "wheel_angle" in roles:
             continue
         why = "by its unit" if best.scores[role] < 2 else "by its name"
-        found[role] = Role(role, best.name, best.unit, why, best.scores[role] >= 2)
+        roles[role] = Role(role, best.name, best.unit, why, best.scores[role] >= 2)
         taken.append(best)
-    return [c for c in left if not traits.among(c, taken)]
+    return [c for c in unassigned if not traits.among(c, taken)]
 
 
-def guess_wheel_speed(speeds: list[tuple[Candidate, str]], angle: Candidate, found: dict[str, Role]) -> None:
+def guess_wheel_speed(speeds: list[tuple[Candidate, str]], angle: Candidate, roles: dict[str, Role]) -> None:
     """The speed of a wheel whose angle was not logged."""
     named = [c for c, of in speeds if of != angle.name and (c.scores["wheel"] >= 2 or c.unit == "rpm")]
     if named:
         best = max(named, key=lambda c: c.scores["wheel"])
         unit = best.unit if best.unit in traits.SPEED_UNITS else "rad/s"
-        found["wheel_speed"] = Role("wheel_speed", best.name, unit, "by its name", True)
+        roles["wheel_speed"] = Role("wheel_speed", best.name, unit, "by its name", True)
 
 
-def guess_rate(speeds: list[Candidate], found: dict[str, Role]) -> None:
+def guess_rate(speeds: list[Candidate], roles: dict[str, Role]) -> None:
     """The rate of the axis where no angle was logged: of the components of a gyroscope the one that moves most."""
     rates = [c for c in speeds if c.unit in traits.RATE_UNITS or traits.is_gyroscope(c.name)]
     rates = rates or [c for c in speeds if c.scores["speed"] >= 2 > c.scores["wheel"] and c.unit not in ("m/s", "mm/s")]
@@ -278,7 +279,7 @@ def guess_rate(speeds: list[Candidate], found: dict[str, Role]) -> None:
         unit = "deg/s" if best.column.span > FASTEST_RATE else "rad/s"
         why += f"; {unit} for it covers {best.column.span:.3g}"
     why += ", the largest component" if len(rates) > 1 else ""
-    found["angle_speed"] = Role("angle_speed", best.name, unit, why, True)
+    roles["angle_speed"] = Role("angle_speed", best.name, unit, why, True)
 
 
 def counted_from_top(angle: Candidate, unit: str) -> bool | None:
@@ -340,9 +341,9 @@ def _guess(columns: list[Column]) -> Roles:
     usual = max(set(lengths), key=lengths.count) if lengths else 0
     usable = [c for c in columns if c.kind in ("numbers", "whole numbers") and len(c.values) == usual]
     candidates = [Candidate(c, traits.name_scores(c.name), traits.unit_of(c.name, c.unit)) for c in usable]
-    found: dict[str, Role] = {}
+    roles: dict[str, Role] = {}
     others: dict[str, str] = {}
-    time = guess_time(candidates, found)
+    time = guess_time(candidates, roles)
     rest = [c for c in candidates if c is not time]
     moving = [c for c in rest if not c.column.constant]
     others |= {c.name: "does not change" for c in rest if c.column.constant}
@@ -352,35 +353,35 @@ def _guess(columns: list[Column]) -> Roles:
     others |= {c.name: "of an accelerometer or magnetometer" for c in moving if traits.is_no_motion(c)}
     moving = [c for c in moving if c.name not in beside and not traits.is_no_motion(c)]
     stamps = time.values if time is not None else np.arange(float(usual))
-    marks = guess_point([c for c in rest if c.name not in beside], found)
+    marks = guess_point([c for c in rest if c.name not in beside], roles)
     if marks:
         others |= {c.name: "of a mark" for c in marks if c.column.constant is False}
         moving = [c for c in moving if not traits.among(c, marks)]
-        return Roles(found, _without(others | {c.name: "not known" for c in moving}, found))
+        return Roles(roles, _without(others | {c.name: "not known" for c in moving}, roles))
     pixels = [c for c in moving if seen_from_a_camera(c, rest)]
     others |= {c.name: "a place in a picture" for c in pixels}
     moving = [c for c in moving if not traits.among(c, pixels)]
     speeds = guess_speeds(moving, stamps)
     others |= {c.name: f"speed of {of}" for c, of in speeds}
-    angle = guess_angle([c for c in moving if not traits.among(c, (s for s, _ in speeds))], found)
+    angle = guess_angle([c for c in moving if not traits.among(c, (s for s, _ in speeds))], roles)
     if angle is None:
-        guess_rate([c for c, _ in speeds], found)
-        return Roles(found, _without(others, found))
-    left = [c for c in moving if c is not angle and not traits.among(c, (s for s, _ in speeds))]
-    left = guess_wheel(left, angle, speeds, found)
-    left = guess_reference(left, angle, found)
-    left = guess_drive(left, found)
-    if "wheel_angle" not in found:
-        guess_wheel_speed(speeds, angle, found)
-    others |= {c.name: "not known" for c in left}
-    others = _without(others, found)
-    linear = found["angle"].unit in ("m", "mm")
-    return Roles(found, others, None if linear else counted_from_top(angle, found["angle"].unit), linear)
+        guess_rate([c for c, _ in speeds], roles)
+        return Roles(roles, _without(others, roles))
+    unassigned = [c for c in moving if c is not angle and not traits.among(c, (s for s, _ in speeds))]
+    unassigned = guess_wheel(unassigned, angle, speeds, roles)
+    unassigned = guess_reference(unassigned, angle, roles)
+    unassigned = guess_drive(unassigned, roles)
+    if "wheel_angle" not in roles:
+        guess_wheel_speed(speeds, angle, roles)
+    others |= {c.name: "not known" for c in unassigned}
+    others = _without(others, roles)
+    linear = roles["angle"].unit in ("m", "mm")
+    return Roles(roles, others, None if linear else counted_from_top(angle, roles["angle"].unit), linear)
 
 
-def _without(others: dict[str, str], found: dict[str, Role]) -> dict[str, str]:
+def _without(others: dict[str, str], roles: dict[str, Role]) -> dict[str, str]:
     """What columns without a role are."""
-    taken = {role.column for role in found.values()}
+    taken = {role.column for role in roles.values()}
     return {name: what for name, what in others.items() if name not in taken}
 
 

@@ -42,8 +42,8 @@ def is_large(path: str | Path) -> bool:
     """Return whether a file is a log of more than `LARGE` rows that can be read in parts (Parquet, text, MCAP,
     HDF5).
     """
-    found = _file(path)
-    return found is not None and found.rows > LARGE
+    file = _file(path)
+    return file is not None and file.rows > LARGE
 
 
 class File(Protocol):
@@ -90,15 +90,15 @@ def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:
     """The first rows of a log for which `is_large`, all columns; raises InputError as `LargeLog.parts`."""
     file = _require(path)
     header, names = file.header(), file.together()
-    found: list[Table] = []
+    tables: list[Table] = []
     for table in file.pieces(min(rows, PIECE), names):
-        found.append(table)
-        if sum(len(next(iter(one.columns.values()))) for one in found) >= rows:
+        tables.append(table)
+        if sum(len(next(iter(piece.columns.values()))) for piece in tables) >= rows:
             break
-    if not found:
+    if not tables:
         raise InputError(f"{path} has no rows of numbers; log a motion.", code="empty-file")
-    columns = {name: np.concatenate([one.columns[name] for one in found])[:rows] for name in names}
-    return Table(columns, header.metadata, sum(one.unreadable_rows for one in found), header.units)
+    columns = {name: np.concatenate([piece.columns[name] for piece in tables])[:rows] for name in names}
+    return Table(columns, header.metadata, sum(piece.unreadable_rows for piece in tables), header.units)
 
 
 def rows_in(path: str | Path) -> int:
@@ -113,10 +113,10 @@ def pieces_of(path: str | Path) -> tuple[Table, Iterator[Table]]:
 
 
 def _require(path: str | Path) -> File:
-    found = _file(path)
-    if found is None:
+    file = _file(path)
+    if file is None:
         raise InputError(f"{path} cannot be read in parts; read it whole.", code="not-in-parts")
-    return found
+    return file
 
 
 @dataclass(frozen=True)
@@ -173,8 +173,8 @@ class LargeLog:
                 f"{self.path} has too many rows to be read whole, and log.angle_speed is a rate, whose integral must"
             )
             raise InputError(f"{message} not be cut; use a part of it, --part FROM:TO.", code="rate-in-parts")
-        found = _columns(header, reading.conventions)
-        wanted = [column for channel, column in found.items() if channel not in UNUSED]
+        columns = _columns(header, reading.conventions)
+        wanted = [column for channel, column in columns.items() if channel not in UNUSED]
         yield from parts(takewhile(lambda _: not stopped(), self._open.pieces(PIECE, wanted)), reading)
 
     def small(self) -> Recording | None:
@@ -185,7 +185,7 @@ class LargeLog:
         if self.span is None:
             return None
         header, reading = self._read_header()
-        before, rows, found = 0, 0, []
+        before, rows, tables = 0, 0, []
         for table in self._open.pieces(PIECE, list(_columns(header, reading.conventions).values())):
             inside = within(table, reading, before)
             before += inside.size
@@ -193,11 +193,11 @@ class LargeLog:
             if rows > LARGE:
                 return None
             if inside.any():
-                found.append({name: values[inside] for name, values in table.columns.items()})
-        if not found:
+                tables.append({name: values[inside] for name, values in table.columns.items()})
+        if not tables:
             text = f"{self.path} has no rows between {self.span[0]:g} s and {self.span[1]:g} s; choose another part."
             raise UnanswerableError(text, code="empty-segment")
-        columns = {name: np.concatenate([piece[name] for piece in found]) for name in found[0]}
+        columns = {name: np.concatenate([piece[name] for piece in tables]) for name in tables[0]}
         table = Table(columns, header.metadata, 0, header.units)
         source = Source(self.path, self.sha256())
         log = Recording.from_table(table, self.rig, source, repairs=self.repairs)
@@ -234,5 +234,5 @@ class LargeLog:
 def _columns(header: Table, conventions: Conventions) -> dict[str, str]:
     """The column of each channel that the file has."""
     wanted = (*(("time",) if conventions.rate is None else ()), *conventions.channels)
-    found = {channel: header.find(conventions.columns[channel]) for channel in wanted}
-    return {channel: column for channel, column in found.items() if column is not None}
+    names = {channel: header.find(conventions.columns[channel]) for channel in wanted}
+    return {channel: column for channel, column in names.items() if column is not None}

@@ -223,11 +223,11 @@ def _recording(part: _Part, reading: Reading) -> Recording | SwingidError:
             check_motion(model, reading)
         source = Source(reading.name, None)
         held = reading.held and part.block == 1
-        found, off = tuple(reading.findings), reading.off
+        findings, off = tuple(reading.findings), reading.off
         return Recording(
             **model,
             drive_held=held,
-            findings=found,
+            findings=findings,
             source=source,
             averaged=part.block,
             metadata={},
@@ -287,21 +287,21 @@ def averaged(
     used = blocks * rows
     blocked = {name: _blocks(first[name], values, blocks + 1, rows) for name, values in channels.items()}
     middles = np.concatenate([_means(part) for part in blocked["time"]])
-    found = {"time": middles[:-1]}
+    means = {"time": middles[:-1]}
     for name, values in channels.items():
         if name in held:
             time = np.concatenate((first["time"], channels["time"]))
-            found[name] = _held_means(time, np.concatenate((first[name], values)), middles)
+            means[name] = _held_means(time, np.concatenate((first[name], values)), middles)
         elif name != "time":
-            found[name] = np.concatenate([_means(part) for part in blocked[name]])[:-1]
+            means[name] = np.concatenate([_means(part) for part in blocked[name]])[:-1]
     widths = np.concatenate([part[:, -1] - part[:, 0] for part in blocked["time"]])[:-1]
     whole = widths < WIDE * median(widths)
     if not whole.all():
-        found = take(found, whole)
-    left = total - used
-    if left <= channels["time"].size:
-        return found, {name: values[values.size - left :] for name, values in channels.items()}
-    return found, {name: np.concatenate((first[name], values))[used:] for name, values in channels.items()}
+        means = take(means, whole)
+    remaining = total - used
+    if remaining <= channels["time"].size:
+        return means, {name: values[values.size - remaining :] for name, values in channels.items()}
+    return means, {name: np.concatenate((first[name], values))[used:] for name, values in channels.items()}
 
 
 def _blocks(first: Array, values: Array, blocks: int, rows: int) -> tuple[Array, Array]:

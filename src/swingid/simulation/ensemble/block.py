@@ -44,11 +44,11 @@ def write(lane: Array, log: Array, kept: Array, k: int, channels: tuple[int, int
 def refer(lane: Array, inputs: Array, which: Ints, k: int) -> tuple[bool, float]:
     """Return whether all runs have one reference or command, and its value at row k; else each run's into REFERENCE."""
     widest()
-    one = inputs.shape[1] == 1
-    if not one:
+    shared = inputs.shape[1] == 1
+    if not shared:
         for i in range(LANES):
             lane[at.REFERENCE * LANES + i] = inputs[k, which[i]]
-    return one, inputs[k, 0]
+    return shared, inputs[k, 0]
 
 
 @njit_threads

@@ -70,8 +70,8 @@ def compensated(lane: Array, i: int, u: float, speed: float) -> float:
 @njit_lane
 def grow(lane: Array, i: int, wanted: tuple[bool, float]) -> int:
     """Run i's ERROR and NEXT_GAIN; 1 where the gain grows. wanted: as of `command_all`."""
-    own = lane[at.REFERENCE * LANES + i]
-    e = (wanted[1] if wanted[0] else own) - lane[at.ANGLE_READING * LANES + i]
+    reference = lane[at.REFERENCE * LANES + i]
+    e = (wanted[1] if wanted[0] else reference) - lane[at.ANGLE_READING * LANES + i]
     k, k_next = lane[at.K_TILDE * LANES + i], grown_gain(lane, i, e)
     lane[at.ERROR * LANES + i], lane[at.NEXT_GAIN * LANES + i] = e, k_next
     return 1 if k_next != k else 0
@@ -122,9 +122,9 @@ def compensators(lane: Array, rate: float, fading: int, wanted: tuple[bool, floa
 @njit_lane
 def observed(lane: Array, i: int, first: int, angle: float, rate: float) -> float:
     """Speed (rad/s) of run i by the observer (23) whose rows begin at `first`, moved on to `angle` (rad)."""
-    own = first * LANES + i
-    last, gap, p, seen = lane[own], lane[own + LANES], lane[own + 2 * LANES], lane[own + 3 * LANES] != 0.0
-    a = own + 4 * LANES
+    place = first * LANES + i
+    last, gap, p, seen = lane[place], lane[place + LANES], lane[place + 2 * LANES], lane[place + 3 * LANES] != 0.0
+    a = place + 4 * LANES
     slope = (angle - last) * rate
     kick = lane[a + 9 * LANES]
     kick = kick if gap > 0.0 else (-kick if gap < 0.0 else 0.0)
@@ -133,7 +133,7 @@ def observed(lane: Array, i: int, first: int, angle: float, rate: float) -> floa
     next_p += lane[a + 6 * LANES] * slope + lane[a + 7 * LANES] * kick
     gap = next_gap if seen else gap
     p = next_p if seen else p
-    lane[own], lane[own + LANES], lane[own + 2 * LANES], lane[own + 3 * LANES] = angle, gap, p, 1.0
+    lane[place], lane[place + LANES], lane[place + 2 * LANES], lane[place + 3 * LANES] = angle, gap, p, 1.0
     return float(p + lane[a + 8 * LANES] * gap)
 
 

@@ -122,7 +122,7 @@ def _simulated(runs: list[Run], record: Record, threads: int | None) -> Ensemble
     time = np.arange(rows) / runs[0].rate
     log = np.empty((CHANNELS[record], len(runs), rows))
     state = np.empty((len(runs), 4))
-    blocks, left = blocks_of(runs, rows)
+    blocks, others = blocks_of(runs, rows)
 
     def made(block: Block) -> None:
         first, last = block.members[0], block.members[-1] + 1
@@ -139,12 +139,12 @@ def _simulated(runs: list[Run], record: Record, threads: int | None) -> Ensemble
     if workers > 1:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(made, blocks))
-            list(pool.map(made_alone, left))
+            list(pool.map(made_alone, others))
     else:  # in the caller's thread, whose time it is
         list(map(made, blocks))
-        list(map(made_alone, left))
+        list(map(made_alone, others))
     alone = np.zeros(len(runs), np.bool_)
-    alone[left] = True
+    alone[others] = True
     return Ensemble(time, log, state, alone, tuple(runs))
 
 

@@ -129,18 +129,18 @@ def beyond(lane: Array, i: int, hold1: float, hold2: float, rest1: bool, rest2: 
 @njit_lane
 def leave(lane: Array, i: int, leaves: bool) -> None:
     """Leave what is still to be taken of run i's step to the single run, if so."""
-    remaining, left, undecided = (
+    remaining, outside, undecided = (
         lane[at.REMAINING * LANES + i],
         lane[at.LEFT * LANES + i],
         lane[at.UNDECIDED * LANES + i],
     )
-    lane[at.LEFT * LANES + i] = remaining if leaves else left
+    lane[at.LEFT * LANES + i] = remaining if leaves else outside
     lane[at.REMAINING * LANES + i] = 0.0 if leaves else remaining
     lane[at.UNDECIDED * LANES + i] = 0.0 if leaves else undecided
 
 
 @njit_lane
-def try_mode(lane: Array, i: int, one: tuple[float, float], both: bool, last: bool, rich: int | None) -> int:
+def try_mode(lane: Array, i: int, interval: tuple[float, float], both: bool, last: bool, rich: int | None) -> int:
     """Decide for the sides `one` (0: rest) of what stands still of run i, if they agree, as of `sticking.agrees`.
 
     both: for runs whose axis and wheel stand still, else for the others. Where none agrees, after the `last` what is
@@ -153,7 +153,7 @@ def try_mode(lane: Array, i: int, one: tuple[float, float], both: bool, last: bo
         lane[at.SIDE2 * LANES + i],
     )
     still1, still2, undecided = u == 0.0, y == 0.0, lane[at.UNDECIDED * LANES + i] != 0.0
-    side1, side2 = (one[0] if still1 else side1), (one[1] if still2 else side2)
+    side1, side2 = (interval[0] if still1 else side1), (interval[1] if still2 else side2)
     rest1, rest2, hold = side1 == 0.0, side2 == 0.0, unsupported(lane, i)
     _, _, drive, _, _, _ = motor(lane, i, y)
     mobile = mobility(lane, i, rest1, rest2)
@@ -176,9 +176,9 @@ def decide(lane: Array, rich: int | None) -> None:
     """Sides of the undecided runs, as of `sticking.mode_at_rest`: rest first; axis and wheel together in nine ways."""
     widest()
     for k in range(12):
-        one = k if k < 3 else (k - 3) // 3
+        event = k if k < 3 else (k - 3) // 3
         other = k % 3
-        sides = float(one if one < 2 else -1), float(other if other < 2 else -1)
+        sides = float(event if event < 2 else -1), float(other if other < 2 else -1)
         undecided = 0
         for i in range(LANES):
             undecided += try_mode(lane, i, sides, k >= 3, (k == 2) | (k == 11), rich)
@@ -201,8 +201,8 @@ def longest(cu: series.Derivatives, cy: series.Derivatives, spike: float, rich: 
 @njit_lane
 def of(lane: Array, i: int, first: int) -> series.Derivatives:
     """Run i's series whose rows begin at `first`."""
-    own = first * LANES + i
-    return lane[own], lane[own + LANES], lane[own + 2 * LANES], lane[own + 3 * LANES], lane[own + 4 * LANES]
+    place = first * LANES + i
+    return lane[place], lane[place + LANES], lane[place + 2 * LANES], lane[place + 3 * LANES], lane[place + 4 * LANES]
 
 
 @njit_lane
@@ -281,7 +281,12 @@ def part_all(lane: Array, rich: int | None) -> int:
 @njit_lane
 def choose(lane: Array, i: int) -> None:
     """What changes first in run i's part, as far as straight lines show it, and where; its series, less the level."""
-    u, y, x, own = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.PART * LANES + i], at.CHANGING * LANES + i
+    u, y, x, changing = (
+        lane[at.U * LANES + i],
+        lane[at.Y * LANES + i],
+        lane[at.PART * LANES + i],
+        at.CHANGING * LANES + i,
+    )
     cu, cy = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2)
     u_end, y_end = series.speed(u, cu, x), series.speed(y, cy, x)
     stops1, stops2, passed, edge = passes(lane, i, u_end, y_end)
@@ -295,10 +300,13 @@ def choose(lane: Array, i: int) -> None:
     change, first, level = (EDGE if sooner else change), (there if sooner else first), (edge if sooner else level)
     active, is_axis = lane[at.REMAINING * LANES + i] > 0.0, change == AXIS
     lane[at.CHANGE * LANES + i], lane[at.PART * LANES + i] = (change if active else NOTHING), first
-    lane[own] = (u if is_axis else y) - level
-    lane[own + LANES], lane[own + 2 * LANES] = (cu[0] if is_axis else cy[0]), (cu[1] if is_axis else cy[1])
-    lane[own + 3 * LANES], lane[own + 4 * LANES] = (cu[2] if is_axis else cy[2]), (cu[3] if is_axis else cy[3])
-    lane[own + 5 * LANES] = cu[4] if is_axis else cy[4]
+    lane[changing] = (u if is_axis else y) - level
+    lane[changing + LANES], lane[changing + 2 * LANES] = (cu[0] if is_axis else cy[0]), (cu[1] if is_axis else cy[1])
+    lane[changing + 3 * LANES], lane[changing + 4 * LANES] = (
+        (cu[2] if is_axis else cy[2]),
+        (cu[3] if is_axis else cy[3]),
+    )
+    lane[changing + 5 * LANES] = cu[4] if is_axis else cy[4]
 
 
 @njit_lane
@@ -382,11 +390,11 @@ def redo(lane: Array, late: Late, step: int, steps: int, rich: int | None, is_la
             more, waits = finish(lane, i)
             count += more
             undecided += waits
-    left = 0
+    unfinished = 0
     for i in range(LANES):
         leave(lane, i, lane[at.REMAINING * LANES + i] > 0.0)
-        left += 1 if lane[at.LEFT * LANES + i] > 0.0 else 0
+        unfinished += 1 if lane[at.LEFT * LANES + i] > 0.0 else 0
     if is_late is not None:
         for i in range(LANES):
             lane[at.BEGIN * LANES + i] = 0.0
-    return left > 0
+    return unfinished > 0

@@ -149,11 +149,11 @@ def pack_backstepping(block: Array, gains: Array, states: Array) -> None:
     places_of = (stepping.N1, stepping.N2, stepping.GAMMA1, stepping.GAMMA2, stepping.C4, stepping.C7)
     _pack(block, gains, range(STEPPING, STEPPING + 8), (*places_of, stepping.CONSISTENT, stepping.LEAST))
     block[K_TILDE], block[FILTERED] = states[:, stepping.ALPHA2], states[:, stepping.ALPHA3]
-    for row, own, first in (
+    for row, column, first in (
         (AXIS_OBSERVER, stepping.AXIS, stepping.AXIS_OBSERVER),
         (WHEEL_OBSERVER, stepping.WHEEL, stepping.WHEEL_OBSERVER),
     ):
-        block[row : row + 4] = states[:, own : own + 4].T
+        block[row : row + 4] = states[:, column : column + 4].T
         block[row + 4 : row + 14] = gains[:, first : first + 10].T
 
 

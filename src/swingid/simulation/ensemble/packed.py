@@ -109,21 +109,21 @@ def blocks_of(runs: list[Run], rows: int) -> tuple[list[Block], list[int]]:
     rich = (constants[:, STRIBECK_SPEED] > 0.0) | np.any(constants[:, [QUADRATIC, CUBIC]], axis=1)
     sensors = {id(run.rig): Sensors.of(run.rig) for run in {id(run.rig): run for run in runs}.values()}
     kinds: dict[tuple[str, int, bool, bool, bool, bool], list[int]] = {}
-    left: list[int] = []
+    alone: list[int] = []
     for k, run in enumerate(runs):
         control, order = control_of(run)
         if fit[k] and order <= CHAIN_MOST:
-            own = sensors[id(run.rig)]
-            kinds.setdefault((control, order, bool(rich[k]), own.late, own.bent, own.noisy), []).append(k)
+            sensor = sensors[id(run.rig)]
+            kinds.setdefault((control, order, bool(rich[k]), sensor.late, sensor.bent, sensor.noisy), []).append(k)
         else:
-            left.append(k)
+            alone.append(k)
     blocks = []
     for kind, members in kinds.items():
         for first in range(0, len(members), LANES):
             part = members[first : first + LANES]
             steps = np.array([sensors[id(runs[k].rig)].steps for k in part])
             blocks.append(_block(part, [runs[k] for k in part], Kind(*kind), constants[part], steps, rows))
-    return _sharing_inputs(blocks), left
+    return _sharing_inputs(blocks), alone
 
 
 def _block(members: list[int], runs: list[Run], kind: Kind, p: Array, resolutions: Array, rows: int) -> Block:
@@ -146,7 +146,7 @@ def _block(members: list[int], runs: list[Run], kind: Kind, p: Array, resolution
 
 def _sharing_inputs(blocks: list[Block]) -> list[Block]:
     """The blocks with their inputs; a reference is computed once."""
-    found: dict[tuple[int, int, int], Array] = {}
+    by_key: dict[tuple[int, int, int], Array] = {}
     result = []
     for block in blocks:
         rows, total = block.runs[0].row_count(), len(block.inputs)
@@ -154,10 +154,10 @@ def _sharing_inputs(blocks: list[Block]) -> list[Block]:
         which = np.empty(len(block.runs), np.int64)
         for k, run in enumerate(block.runs):
             key = (id(run.reference), id(run.drive), total)
-            if key not in found:
-                found[key] = run.inputs(np.arange(total) / run.rate, rows)[0]
+            if key not in by_key:
+                by_key[key] = run.inputs(np.arange(total) / run.rate, rows)[0]
             which[k] = columns.setdefault(key, len(columns))
-        inputs = np.ascontiguousarray(np.array([found[key] for key in columns]).T)
+        inputs = np.ascontiguousarray(np.array([by_key[key] for key in columns]).T)
         result.append(replace(block, inputs=inputs, which=which))
     return result
 
@@ -255,18 +255,20 @@ def _late(block: Block, filled: Ints, steps: int) -> Late:
 
 def advance_run(lane: Array, i: int, p: Array, h: float, late: Late, step: int, steps: int) -> None:
     """Take what is left of a step of h (s) of run i by the kernel of single runs; the last: as of `readings.fill`."""
-    left = h * float(lane[lanes.LEFT, i])
+    remaining = h * float(lane[lanes.LEFT, i])
     work, counts = np.zeros((10, 5)), np.zeros(COUNTS, np.int64)
     work[NOW, [ANGLE, V1]] = lane[lanes.Q1, i], lane[lanes.U, i] / h
     work[NOW, [WHEEL_ANGLE, V2]] = lane[lanes.Q2, i], lane[lanes.Y, i] / h
     rows = slice(max((step - late[3]) // steps, 0), max((step - late[2]) // steps + 1, 0))
     when, seen = late[0][rows, :, i], late[1][rows, :, i]
-    rest = (when - step) * h - (h - left)
+    rest = (when - step) * h - (h - remaining)
     inside = np.argwhere((rest >= 0.0) & (when >= step) & (when < step + 1))
     instants = np.sort(rest[tuple(inside.T)])
     states = np.zeros((len(instants), STATES))
     command = float(lane[lanes.COMMAND, i])
-    advance(STEP_KERNEL, BEGIN_KERNEL, 0.0, left, command, work, min(left, LONGEST), p, instants, states, counts)
+    advance(
+        STEP_KERNEL, BEGIN_KERNEL, 0.0, remaining, command, work, min(remaining, LONGEST), p, instants, states, counts
+    )
     for row, e in inside:
         seen[row, e] = states[np.searchsorted(instants, rest[row, e]), WHEEL_ANGLE if e else ANGLE]
     lane[lanes.Q1, i], lane[lanes.U, i] = work[NOW, ANGLE], work[NOW, V1] * h

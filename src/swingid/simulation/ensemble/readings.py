@@ -103,8 +103,18 @@ def fill(lane: Array, late: Late, step: int, steps: int) -> None:
                 lane[at.WHEN * LANES + i] = instants[i] - step
                 lane[at.THERE * LANES + i] = angles[i]
             for i in range(LANES):
-                x, begin, own = lane[at.WHEN * LANES + i], lane[at.BEGIN * LANES + i], (at.SERIES1 + 5 * e) * LANES + i
-                k = (lane[own], lane[own + LANES], lane[own + 2 * LANES], lane[own + 3 * LANES], lane[own + 4 * LANES])
+                x, begin, at_series = (
+                    lane[at.WHEN * LANES + i],
+                    lane[at.BEGIN * LANES + i],
+                    (at.SERIES1 + 5 * e) * LANES + i,
+                )
+                k = (
+                    lane[at_series],
+                    lane[at_series + LANES],
+                    lane[at_series + 2 * LANES],
+                    lane[at_series + 3 * LANES],
+                    lane[at_series + 4 * LANES],
+                )
                 start = (at.START + 2 * e) * LANES + i
                 angle = lane[start] + series.turned(lane[start + LANES], k, x - begin)
                 inside = (x >= begin) & (x < 1.0)

@@ -105,12 +105,12 @@ def runs_of(
     runs: list[Run] = []
     standard: dict[int, Compensator] = {}
     for row in zip(*(each if len(each) == count else each * count for each in several.values()), strict=True):
-        own = dict(zip(several, row, strict=True))
-        changes = {key: own.pop(key) for key in values}
-        rig, seed, zero = own.pop("rigs"), int(own.pop("seeds")), tuple(own.pop("encoder_zero"))
-        if own["controller"] is None and own["reference"] is not None and own["drive"] is None:
-            own["controller"] = _standard(rig, changes, standard)
-        runs.append(Run(rig, changes=changes, seed=seed, encoder_zero=zero, **own, **common))
+        arguments = dict(zip(several, row, strict=True))
+        changes = {key: arguments.pop(key) for key in values}
+        rig, seed, zero = arguments.pop("rigs"), int(arguments.pop("seeds")), tuple(arguments.pop("encoder_zero"))
+        if arguments["controller"] is None and arguments["reference"] is not None and arguments["drive"] is None:
+            arguments["controller"] = _standard(rig, changes, standard)
+        runs.append(Run(rig, changes=changes, seed=seed, encoder_zero=zero, **arguments, **common))
     return runs
 
 
@@ -138,17 +138,17 @@ def constants_of(runs: Sequence[Run]) -> Array:
             continue
         kind = (id(run.rig), *run.changes)
         if kind not in parts:
-            own = {key: quantity.value for key, quantity in constants(run.rig).items()}
-            stated[id(run.rig)] = own
-            plain = [key for key in run.changes if key in SUMS and not any(one in own for one in SUMS[key])]
+            values = {key: quantity.value for key, quantity in constants(run.rig).items()}
+            stated[id(run.rig)] = values
+            plain = [key for key in run.changes if key in SUMS and not any(part in values for part in SUMS[key])]
             parts[kind] = plain, [key for key in run.changes if key not in plain]
-        own, (plain, others) = stated[id(run.rig)], parts[kind]
+        values, (plain, others) = stated[id(run.rig)], parts[kind]
         name = (*kind, *(run.changes[key] for key in others)) if others else kind
         if name not in known:
-            known[name] = vector(own | {key: run.changes[key] for key in others}, run.rig.drive.channel)
+            known[name] = vector(values | {key: run.changes[key] for key in others}, run.rig.drive.channel)
         result[k] = known[name]
         for key in plain:
-            sums[key].append((k, run.changes[key] - own.get(key, 0.0)))
+            sums[key].append((k, run.changes[key] - values.get(key, 0.0)))
     for key, entries in sums.items():
         for place in PLACES[TERM_OF[key]] if entries else ():
             result[[k for k, _ in entries], place] += [more for _, more in entries]

@@ -121,8 +121,8 @@ def identify(
         raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
     if spans:
         return _of_parts(log, rig, chosen, spans, options)
-    found = releases(log, rig) if isinstance(log, Recording) and "added" not in options else []
-    pooled = _of_releases(log, rig, chosen, found, options) if found and isinstance(log, Recording) else None
+    swings = releases(log, rig) if isinstance(log, Recording) and "added" not in options else []
+    pooled = _of_releases(log, rig, chosen, swings, options) if swings and isinstance(log, Recording) else None
     return pooled or _identify(log, rig, chosen, options)
 
 
@@ -140,8 +140,8 @@ def _identify(log: Logs, rig: Rig, chosen: Method, options: Mapping[str, object]
         return run(log, rig)
     _require_method(reference, chosen)
     with in_units_of(reference):
-        found = run(log, reference.rig)
-    return unscaled(found, reference, rig)
+        result = run(log, reference.rig)
+    return unscaled(result, reference, rig)
 
 
 def _of_parts(log: Logs, rig: Rig, chosen: Method, spans: Sequence[Span], options: Mapping[str, object]) -> Result:
@@ -150,7 +150,7 @@ def _of_parts(log: Logs, rig: Rig, chosen: Method, spans: Sequence[Span], option
     result = _identify(chosen_rows, rig, chosen, options)
     if len(spans) == 1 or not isinstance(log, Recording | LargeLog) or not isinstance(chosen_rows, dict):
         return result
-    return with_parts(result, spans, result.per_log or [_alone(one, rig, chosen) for one in chosen_rows.values()])
+    return with_parts(result, spans, result.per_log or [_alone(rows, rig, chosen) for rows in chosen_rows.values()])
 
 
 def _alone(log: Log | SwingidError, rig: Rig, chosen: Method) -> Result:
@@ -171,7 +171,9 @@ def _of_releases(
         result = _identify(decays_of(log, spans), rig, chosen, options)
     except UnanswerableError:
         return None
-    kept = [span for span, one in zip(spans, result.per_log, strict=True) if one.status != "refused"]
+    kept = [
+        span for span, result_of_part in zip(spans, result.per_log, strict=True) if result_of_part.status != "refused"
+    ]
     if len(kept) < 2:
         return None
     if len(kept) < len(spans):
@@ -190,14 +192,16 @@ def _identified(
 
     alone = isinstance(log, Recording | LargeLog)
     logs = [log] if isinstance(log, Recording | LargeLog) else log if isinstance(log, Mapping) else list(log)
-    own = not alone and ("friction" not in chosen.options() or options.get("friction") in FRICTION)
-    friction = str(options.pop("friction", FRICTION[0])) if own else FRICTION[0]
+    fits_friction = not alone and ("friction" not in chosen.options() or options.get("friction") in FRICTION)
+    friction = str(options.pop("friction", FRICTION[0])) if fits_friction else FRICTION[0]
     chosen.check_options(options)
 
     def of_all(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
         one_of_several = len(logs) > 1
         return identify_several(
-            logs, lambda one: _of_one(one, rig, chosen, options, more, one_of_several=one_of_several), friction=friction
+            logs,
+            lambda log_of_body: _of_one(log_of_body, rig, chosen, options, more, one_of_several=one_of_several),
+            friction=friction,
         )
 
     try:
@@ -235,7 +239,7 @@ def _together(
     if bodies is not None:
         _refuse_unknown_drive(rig)
     elsewhere = free or bodies is not None
-    prepared = [prepare(one, rig, together=True, scaled_elsewhere=elsewhere) for one in logs.values()]
+    prepared = [prepare(each, rig, together=True, scaled_elsewhere=elsewhere) for each in logs.values()]
     return momentum_together(prepared, list(logs), bodies)
 
 
@@ -265,10 +269,10 @@ def _refuse_unknown_drive(rig: Rig) -> None:
 
     The constant is the unit of such a rig, 1 in itself: a body in kg m² beside it would be in another unit.
     """
-    found = reference_of(rig)
-    if found is not None and found.key in (WHEEL, GAIN):
+    reference = reference_of(rig)
+    if reference is not None and reference.key in (WHEEL, GAIN):
         raise UnanswerableError(
-            f"rig {rig.name}: {found.key} is unknown, and known bodies (--added) do not determine it beside the "
+            f"rig {rig.name}: {reference.key} is unknown, and known bodies (--added) do not determine it beside the "
             "inertia; state it, or identify each log by itself, which gives ratios, and give both results to swingid "
             "difference --known.",
             code="no-scale",
@@ -286,12 +290,12 @@ def bodies_of(added: object, count: int, rig: Rig) -> list[Quantity]:
             f"added needs one inertia per log ({count}), 0 for a log without a known body.", code="bad-added"
         )
     try:
-        found = [parse_quantity(one, unit, f"added body {k + 1}") for k, one in enumerate(added)]
+        bodies = [parse_quantity(body, unit, f"added body {k + 1}") for k, body in enumerate(added)]
     except InputError as error:
         raise UsageError(error.message, code="bad-added") from None
-    if any(one.value < 0 for one in found):
+    if any(body.value < 0 for body in bodies):
         raise UsageError("an added inertia is negative; give 0 for a log without a known body.", code="bad-added")
-    return found
+    return bodies
 
 
 def _calibrated(
@@ -302,7 +306,7 @@ def _calibrated(
         return result
     from swingid.calibration.encoders.undeclared import calibrated_by_itself
 
-    return calibrated_by_itself(result, again, [one for one in logs if isinstance(one, Recording)], rig)
+    return calibrated_by_itself(result, again, [log for log in logs if isinstance(log, Recording)], rig)
 
 
 def _of_one(

@@ -147,9 +147,9 @@ def map_in_processes(
             # by `pool.map` the rest would be cancelled at an interruption, by which Python 3.11 may wait for ever:
             # the pool's thread ends by an error of its own where its processes end while cancelled work is left
             parts = range(1, len(items), chunk)
-            left = deque(pool.submit(_each, function, items[k : k + chunk]) for k in parts)
-        while left:
-            yield from left.popleft().result()
+            futures = deque(pool.submit(_each, function, items[k : k + chunk]) for k in parts)
+        while futures:
+            yield from futures.popleft().result()
 
 
 def _each(function: Callable[[Item], Found], items: Sequence[Item]) -> list[Found]:

@@ -107,12 +107,12 @@ def watched(kernel: Callable[[], Found], done: Callable[[], int], total: int) ->
     """
     if _show.get() is None:
         return kernel()
-    found: list[Found] = []
+    returned: list[Found] = []
     failed: list[BaseException] = []
 
     def run() -> None:
         try:
-            found.append(kernel())
+            returned.append(kernel())
         except BaseException as error:
             failed.append(error)
 
@@ -127,4 +127,4 @@ def watched(kernel: Callable[[], Found], done: Callable[[], int], total: int) ->
         raise failed[0]
     if long:
         advanced(total, total)
-    return found[0]
+    return returned[0]

@@ -167,8 +167,8 @@ def sha256_begun(path: str | Path) -> Iterator[Callable[[], str] | None]:
 
     @cache
     def wait() -> str:
-        found = process.communicate()[0].decode().strip()
-        return found if process.returncode == 0 else sha256_of(path)
+        digest = process.communicate()[0].decode().strip()
+        return digest if process.returncode == 0 else sha256_of(path)
 
     with process:
         try:

@@ -61,8 +61,8 @@ class Table:
     @property
     def headings(self) -> tuple[str, ...]:
         """The headings of its columns; () where none has one."""
-        found = tuple(column.heading for column in self.columns)
-        return found if any(found) else ()
+        headings = tuple(column.heading for column in self.columns)
+        return headings if any(headings) else ()
 
     def texts(self) -> list[list[str]]:
         """Headings, if there are any, and rows as plain text."""

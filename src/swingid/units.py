@@ -55,9 +55,9 @@ class Quantity:
         return repr(self.value) if self.std is None else f"{self.value!r} ± {self.std!r}"
 
     @classmethod
-    def of(cls, found: Uncertain) -> Quantity:
+    def of(cls, uncertain: Uncertain) -> Quantity:
         """What was computed from stated numbers; exact where none of them had an uncertainty."""
-        return cls(found.value, found.u if found.shifts else None)
+        return cls(uncertain.value, uncertain.u if uncertain.shifts else None)
 
     def uncertain(self, key: str) -> Uncertain:
         """The value with its source, whose name and identity is the key, where an uncertainty was stated."""
@@ -193,7 +193,7 @@ class _Calculation:
         """The Quantity in the expected SI unit. Raises _UnusableError."""
         registry = _registry()
         try:
-            found = self._sum()
+            factor = self._sum()
         except OverflowError:
             raise _UnusableError("not-finite", f"must be finite, not {self.shown}") from None
         if self.at < len(self.text):
@@ -201,12 +201,12 @@ class _Calculation:
         target = registry.parse_units(expected or "dimensionless")
         if "rad" in expected and _HERTZ.search(self.text):
             raise _UnusableError("wrong-unit", _NO_FREQUENCY.format(self.shown))
-        if found.unit.dimensionality != target.dimensionality:
-            given = f"in {text}" if (text := f"{found.unit:~P}") else "a pure number"
+        if factor.unit.dimensionality != target.dimensionality:
+            given = f"in {text}" if (text := f"{factor.unit:~P}") else "a pure number"
             raise _UnusableError(
                 "wrong-unit", f"is {self.shown}, which is {given}, but is expected in {expected or 'no unit'}"
             )
-        whole = Quantity.of(found.number * float(registry.convert(1.0, found.unit, target)))
+        whole = Quantity.of(factor.number * float(registry.convert(1.0, factor.unit, target)))
         if not (math.isfinite(whole.value) and math.isfinite(whole.std or 0.0)):
             raise _UnusableError("not-finite", f"must be finite, not {self.shown}")
         return whole
@@ -227,31 +227,31 @@ class _Calculation:
         return match[0].strip()
 
     def _sum(self) -> _Factor:
-        found = self._product()
+        factor = self._product()
         while sign := self._took(r" [+-] "):
-            found = found.plus(self._product(), 1 if sign == "+" else -1)
-        return found
+            factor = factor.plus(self._product(), 1 if sign == "+" else -1)
+        return factor
 
     def _product(self) -> _Factor:
-        found = self._power()
+        factor = self._power()
         while operator := self._took(r" ?[*/] ?"):
-            found = found.times(self._power(), 1 if operator == "*" else -1)
-        return found
+            factor = factor.times(self._power(), 1 if operator == "*" else -1)
+        return factor
 
     def _power(self) -> _Factor:
-        found = self._atom()
+        factor = self._atom()
         exponent = self._took(r" ?(?:\^|\*\*) ?-?[1-9]")
         if exponent is None:
-            return found
-        one = _Factor(Uncertain(1.0), _registry().parse_units("dimensionless"))
-        return one.times(found, int(exponent.lstrip("^* ")))
+            return factor
+        unity = _Factor(Uncertain(1.0), _registry().parse_units("dimensionless"))
+        return unity.times(factor, int(exponent.lstrip("^* ")))
 
     def _atom(self) -> _Factor:
         if self._took(r" ?\( ?") is not None:
-            found = self._sum()
+            factor = self._sum()
             if self._took(r" ?\)") is None:
                 raise self._unreadable()
-            return found.times(self._with_unit(1.0, None))
+            return factor.times(self._with_unit(1.0, None))
         match = _TERM.match(self.text, self.at)
         if match is None:
             raise self._unreadable()

@@ -223,7 +223,7 @@ def share_of(budget: Iterable[BudgetEntry], sources: Collection[str]) -> float:
 
 
 def overlapping(inertia: Parameter, other: Parameter) -> float:
-    """Standard uncertainty that an inertia lacks for its 95 % interval to meet that of another, 0 where they overlap."""
+    """Standard uncertainty that an inertia lacks for its 95 % interval to meet another's, 0 where they overlap."""
     missing = abs(inertia.value - other.value) - _half_width(inertia) - _half_width(other)
     if not missing > 0:
         return 0.0

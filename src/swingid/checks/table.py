@@ -121,9 +121,10 @@ def check_hypotheses(evidence: Evidence, judged: Judged, before: Iterable[str] =
 
 
 def entries(evidence: Evidence, u: float, *, of_balance: bool) -> dict[str, float]:
-    """Standard uncertainties of the inertia by source, of an estimate whose type A is `u`; of_balance: see `Judged.own`.
+    """Standard uncertainties of the inertia by source, of an estimate whose type A is `u`.
 
-    Of the hypotheses, and of what was found when the log was read. Each source is there for every log.
+    Of the hypotheses, and of what was found when the log was read. Each source is there for every log. of_balance: see
+    `Judged.own`.
     """
     spreads = {
         source: spread for hypothesis in TABLE for source, spread in hypothesis.entries(evidence, u, of_balance).items()

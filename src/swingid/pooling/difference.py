@@ -75,43 +75,43 @@ def difference(
         what = _quantity(known, "kg*m^2", "known")
         target = _known(what, _body(runs, mass, distance))
         scaled, words = scaled_by_body(runs, target)
-        found = {**scaled, "inertia": (target, "kg m^2")}
-        return _result(runs, found, (), [*words, *_exact(known=what), *runs.notes], options)
+        values = {**scaled, "inertia": (target, "kg m^2")}
+        return _result(runs, values, (), [*words, *_exact(known=what), *runs.notes], options)
     body = _body(runs, mass, distance)
     with_gravity = all(GRAVITY_TORQUE in result.parameters for result in (runs.tare, runs.loaded))
     first, second = runs.values("inertia", *([GRAVITY_TORQUE] if with_gravity else []))
     about_axis = second["inertia"] - first["inertia"]
     _require_seen(about_axis, runs, calibrating=known is not None)
-    found = {"inertia": (about_axis, runs.unit)}
+    values = {"inertia": (about_axis, runs.unit)}
     if body is not None:
         centred = _about_own_centre(about_axis, *body, runs.unit)
-        found = {"inertia": (centred, runs.unit), "inertia_about_axis": (about_axis, runs.unit)}
+        values = {"inertia": (centred, runs.unit), "inertia_about_axis": (about_axis, runs.unit)}
     if with_gravity:
         unit = runs.tare.parameters[GRAVITY_TORQUE].unit
-        found[GRAVITY_TORQUE] = second[GRAVITY_TORQUE] - first[GRAVITY_TORQUE], unit
+        values[GRAVITY_TORQUE] = second[GRAVITY_TORQUE] - first[GRAVITY_TORQUE], unit
     notes = [Message("difference", f"{runs.names[1]} less {runs.names[0]}.")]
     notes += [*_exact(mass=body and body[0], distance=body and body[1]), *_exact_in(runs), *runs.notes]
     doubts: list[Message] = []
     if known is not None:
         what = _quantity(known, "kg" if runs.unit == "kg" else "kg*m^2", "known")
         scaled, doubts, words = calibrated(runs, (first["inertia"], second["inertia"]), _known(what, body))
-        found |= scaled
+        values |= scaled
         notes += [*words, *_exact(known=what)]
-    return _result(runs, found, doubts, notes, options)
+    return _result(runs, values, doubts, notes, options)
 
 
 def _result(
-    runs: Runs, found: Found, doubts: Sequence[Message], notes: Sequence[Message], options: Mapping[str, GIVEN | None]
+    runs: Runs, values: Found, doubts: Sequence[Message], notes: Sequence[Message], options: Mapping[str, GIVEN | None]
 ) -> Result:
     """The result with these values; of one whose uncertainty a run does not state none is known."""
-    own = {"inertia_about_axis": "inertia"}
+    renamed = {"inertia_about_axis": "inertia"}
     unsure = {
         name
-        for name in found
+        for name in values
         for run in (runs.tare, runs.loaded)
-        if (stated := run.parameters.get(own.get(name, name))) is not None and stated.standard_uncertainty is None
+        if (stated := run.parameters.get(renamed.get(name, name))) is not None and stated.standard_uncertainty is None
     }
-    known = [name for name in found if name not in unsure]
+    known = [name for name in values if name not in unsure]
     if not all(is_correlated(run, ("inertia", GRAVITY_TORQUE)) for run in (runs.tare, runs.loaded) if not run.ratios):
         known = [name for name in known if name != GRAVITY_TORQUE]
     warnings = [*_of_runs(runs), *doubts]
@@ -119,26 +119,26 @@ def _result(
         method="difference",
         status="warning" if warnings else "ok",
         parameters={
-            name: Parameter.of(one.value, None if name in unsure else one.u, unit, one.freedom)
-            for name, (one, unit) in found.items()
+            name: Parameter.of(value.value, None if name in unsure else value.u, unit, value.freedom)
+            for name, (value, unit) in values.items()
         },
         warnings=tuple(warnings),
         notes=tuple(notes),
-        budget=tuple(entry for name, (one, _) in found.items() for entry in one.entries(name)),
+        budget=tuple(entry for name, (value, _) in values.items() for entry in value.entries(name)),
         provenance=_provenance(runs, options),
-        correlation=correlation_of(known, covariance([found[name][0] for name in known])),
+        correlation=correlation_of(known, covariance([values[name][0] for name in known])),
     )
 
 
 def _quantity(given: GIVEN, unit: str, key: str) -> Quantity:
     """A positive quantity from an option; UsageError where it is none."""
     try:
-        found = parse_quantity(given, unit, key)
+        quantity = parse_quantity(given, unit, key)
     except InputError as error:
         raise UsageError(error.message, code=error.code) from None
-    if found.value < 0 or (found.value == 0 and key != "distance"):
-        raise UsageError(f"{key} is {found.value:g}, but must be positive.", code="out-of-range")
-    return found
+    if quantity.value < 0 or (quantity.value == 0 and key != "distance"):
+        raise UsageError(f"{key} is {quantity.value:g}, but must be positive.", code="out-of-range")
+    return quantity
 
 
 def _body(runs: Runs, mass: GIVEN | None, distance: GIVEN | None) -> tuple[Quantity, Quantity] | None:
@@ -152,18 +152,18 @@ def _body(runs: Runs, mass: GIVEN | None, distance: GIVEN | None) -> tuple[Quant
     return _quantity(mass, "kg", "mass"), _quantity(distance, "m", "distance")
 
 
-def _require_seen(found: Uncertain, runs: Runs, *, calibrating: bool) -> None:
+def _require_seen(value: Uncertain, runs: Runs, *, calibrating: bool) -> None:
     """Raise where the difference is not significant, or where the results are swapped.
 
     A known body may calibrate a scale that is too uncertain to measure it.
     """
-    text = plus_minus(found.value, found.u, runs.unit)
-    if found.value < -2 * found.u:
+    text = plus_minus(value.value, value.u, runs.unit)
+    if value.value < -2 * value.u:
         raise InputError(
             f"{runs.names[1]} shows less inertia than {runs.names[0]} ({text}); give the run without the body first.",
             code="swapped",
         )
-    if found.value <= 0 or (found.u > HOPELESS * found.value and not calibrating):
+    if value.value <= 0 or (value.u > HOPELESS * value.value and not calibrating):
         raise UnanswerableError(
             f"the difference of {runs.names[1]} and {runs.names[0]}, {text}, is lost in its uncertainty; the body is "
             "too light for these runs.",
@@ -174,27 +174,27 @@ def _require_seen(found: Uncertain, runs: Runs, *, calibrating: bool) -> None:
 def _known(inertia: Quantity, body: tuple[Quantity, Quantity] | None) -> Uncertain:
     """The inertia about the axis of the known body: J_e = J_c + m d², J_c where mass and distance are given."""
     name = "inertia of the known body"
-    found = Uncertain.of(inertia.value, inertia.std or 0.0, stated(name, name, inertia.std or None))
-    return found if body is None else found + _steiner(*body)
+    value = Uncertain.of(inertia.value, inertia.std or 0.0, stated(name, name, inertia.std or None))
+    return value if body is None else value + _steiner(*body)
 
 
 def _steiner(mass: Quantity, distance: Quantity) -> Uncertain:
     """Mass times squared distance (Huygens–Steiner), with the sources that matter."""
-    found = mass.uncertain("body.mass") * distance.uncertain("body.distance") ** 2
-    return found.only(lambda key: found.shifts[key] != 0.0)
+    product = mass.uncertain("body.mass") * distance.uncertain("body.distance") ** 2
+    return product.only(lambda key: product.shifts[key] != 0.0)
 
 
 def _about_own_centre(about_axis: Uncertain, mass: Quantity, distance: Quantity, unit: str) -> Uncertain:
     """J_c = J_e − m d²."""
-    found = about_axis - _steiner(mass, distance)
-    if found.value <= 0:
-        moved = plus_minus(about_axis.value - found.value, None, unit)
+    value = about_axis - _steiner(mass, distance)
+    if value.value <= 0:
+        moved = plus_minus(about_axis.value - value.value, None, unit)
         raise InputError(
             f"mass and distance make m d^2 = {moved}, more than the body's inertia about the axis, "
             f"{plus_minus(about_axis.value, about_axis.u, unit)}; check both.",
             code="parallel-axis",
         )
-    return found
+    return value
 
 
 def _of_runs(runs: Runs) -> list[Message]:
@@ -221,10 +221,10 @@ def _exact(**given: Quantity | None) -> list[Message]:
 
 def _provenance(runs: Runs, options: Mapping[str, GIVEN | None]) -> dict[str, object]:
     kept = ("log", "log_sha256", "logs", "logs_sha256", "rig", "rig_source", "rig_sha256")
-    found: dict[str, object] = {}
+    provenance: dict[str, object] = {}
     for role, result, name in zip(("tare", "loaded"), (runs.tare, runs.loaded), runs.names, strict=True):
-        found[role] = {"result": name} | {key: result.provenance[key] for key in kept if key in result.provenance}
-    return found | {
+        provenance[role] = {"result": name} | {key: result.provenance[key] for key in kept if key in result.provenance}
+    return provenance | {
         "method": runs.tare.method,
         "rig": runs.loaded.provenance.get("rig"),
         "options": {name: str(value) for name, value in options.items() if value is not None},

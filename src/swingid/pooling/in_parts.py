@@ -39,7 +39,7 @@ HandOver = Callable[["Recording | SwingidError", int], Callable[[], Part]]
 def require_in_parts(log: LargeLog, method: Method) -> None:
     """Raise UsageError where a method does not read logs of this size."""
     if not method.in_parts:
-        able = [one.name for one in METHODS.values() if one.in_parts]
+        able = [other.name for other in METHODS.values() if other.in_parts]
         message = f"{log.path} has {log.rows} rows, which {method.name} does not read in parts; take a part of it with "
         message += f"--part FROM:TO (up to {LARGE} rows), or the method {' or '.join(able)}."
         raise UsageError(message, code="too-large")
@@ -51,20 +51,20 @@ def identify_large(log: LargeLog, identify_one: Identify) -> Result:
     identify_one: from a recording to its result; it can be pickled. Raises InputError where the file cannot be used;
     where no part has a number, the error of the first.
     """
-    found: list[Part] = []
+    parts: list[Part] = []
     stop = Event()
     workers = min(log.workers or (cores() if forks() else 1), MOST_WORKERS)
     with _identifying(identify_one, workers) as hand_over, ThreadPoolExecutor(2) as threads, ended_by(stop):
         digest = log.digest or threads.submit(sha256_of, log.path, stop.is_set).result
         ahead = workers + 1 if workers > 1 else 0
         for rows, part in _in_order(_read_ahead(log, threads, stop), hand_over, ahead):
-            found.append(part)
+            parts.append(part)
             if log.progress is not None:
                 log.progress(rows, log.rows)
         sha256 = digest()
-    if not found:
+    if not parts:
         raise InputError(f"{log.path} has no rows of numbers in the part that is to be used.", code="empty-file")
-    result = combine_parts(found)
+    result = combine_parts(parts)
     return replace(result, provenance=result.provenance | {"log": log.path, "log_sha256": sha256})
 
 
@@ -143,8 +143,8 @@ def _smear(log: Recording, result: Result) -> float:
     peak = quantile(np.abs(np.diff(log.angle) / steps), 0.99)
     frequency = 2 * peak / max(float(np.ptp(log.angle)), 1e-300)
     width = median(steps)
-    found, known = result.parameters.get("gravity_torque"), constant(result, GRAVITY)
-    b = found.value if found is not None else known[0] if known is not None else 0.0
+    gravity, known = result.parameters.get("gravity_torque"), constant(result, GRAVITY)
+    b = gravity.value if gravity is not None else known[0] if known is not None else 0.0
     size = peak if b else frequency  # without gravity the motion's size is none in angles
     share = abs(b) / max(abs(result.inertia.value) * frequency**2, 1e-300)
     return (size * width) ** 2 / 24 * max(1.0, share)

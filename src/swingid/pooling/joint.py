@@ -45,18 +45,20 @@ class Pairs:
     def of(cls, results: Sequence[Result], estimates: dict[str, list[Uncertain]]) -> Pairs:
         """Pair the results with the estimates of each of the two parameters, per log."""
         flat = [estimates[name][k] for k in range(len(results)) for name in PAIR]
-        own = [_own_covariance(result, estimates[PAIR[0]][k]) for k, result in enumerate(results)]
-        return cls(np.array([e.value for e in flat]).reshape(-1, 2), np.array(own), [e.of_type("B") for e in flat])
+        covariances = [_own_covariance(result, estimates[PAIR[0]][k]) for k, result in enumerate(results)]
+        return cls(
+            np.array([e.value for e in flat]).reshape(-1, 2), np.array(covariances), [e.of_type("B") for e in flat]
+        )
 
     def gains(self, used: Sequence[int]) -> Array:
         """Weights (2, 2 n) of all values in the common pair of the logs `used`, least squares by type A."""
         unit = np.abs(self.values).max(axis=0)
         information = {k: _inverse(self.own[k] / np.outer(unit, unit)) for k in used}
         whole = sum(information.values())
-        found = np.zeros((2, self.values.size))
+        gains = np.zeros((2, self.values.size))
         for k, each in information.items():
-            found[:, 2 * k : 2 * k + 2] = np.linalg.solve(whole, each) * np.outer(unit, 1 / unit)
-        return found
+            gains[:, 2 * k : 2 * k + 2] = np.linalg.solve(whole, each) * np.outer(unit, 1 / unit)
+        return gains
 
     def covariance(self) -> Array:
         """The covariance of all values, type A and B, (2 n, 2 n)."""
@@ -68,13 +70,13 @@ class Pairs:
     def scatter(self, gains: Array) -> Array:
         """Type A covariance (2, 2) of the common pair."""
         blocks = [gains[:, 2 * k : 2 * k + 2] for k in range(len(self.values))]
-        result: Array = np.sum([b @ own @ b.T for b, own in zip(blocks, self.own, strict=True)], axis=0)
+        result: Array = np.sum([b @ covariance @ b.T for b, covariance in zip(blocks, self.own, strict=True)], axis=0)
         return result
 
     def common_covariance(self) -> dict[str, dict[str, float]]:
         """Type A covariance of the common pair, by name."""
         matrix = self.scatter(self.gains(range(len(self.values))))
-        return {one: {other: float(matrix[i, j]) for j, other in enumerate(PAIR)} for i, one in enumerate(PAIR)}
+        return {first: {second: float(matrix[i, j]) for j, second in enumerate(PAIR)} for i, first in enumerate(PAIR)}
 
 
 def pool_pair(pairs: Pairs, between_them: str = BETWEEN) -> dict[str, Pooled]:
@@ -123,7 +125,7 @@ def _own_covariance(result: Result, inertia: Uncertain) -> Array:
     Entries of the inertia's budget beside the scatter (drift, disagreement, grid) widen the whole matrix, because a
     wrong balance moves the pair along the direction that this log hardly determines.
     """
-    matrix = np.array([[result.covariance_of_fit[one][other] for other in PAIR] for one in PAIR])
+    matrix = np.array([[result.covariance_of_fit[first][second] for second in PAIR] for first in PAIR])
     widened: Array = matrix * max(1.0, inertia.of_type("A").u ** 2 / max(matrix[0, 0], 1e-300))
     return widened
 
@@ -148,7 +150,7 @@ def _excess(pairs: Pairs, gains: Array) -> float:
 def given_by_all(results: Sequence[Result]) -> list[str]:
     """Parameters that every result gives with an uncertainty."""
     given = [{entry.parameter for entry in result.budget} for result in results]
-    return [name for one in results[:1] for name in one.parameters if all(name in own for own in given)]
+    return [name for first in results[:1] for name in first.parameters if all(name in names for names in given)]
 
 
 def estimates_of(results: Sequence[Result], name: str, *, scatter_is_shared: bool = False) -> list[Uncertain]:
@@ -162,8 +164,8 @@ def _identity(log: int, scatter_is_shared: bool = False) -> Identity:
     def key(entry: BudgetEntry) -> str:
         if entry.type == "B":
             return entry.shared_id or f"log {log}: {entry.source}"
-        own = entry.origin.averages_over_logs and not scatter_is_shared
-        return f"log {log}: {entry.source}" if own else entry.source
+        per_log = entry.origin.averages_over_logs and not scatter_is_shared
+        return f"log {log}: {entry.source}" if per_log else entry.source
 
     return key
 
@@ -189,7 +191,9 @@ class Common:
         between: name of the scatter between logs; scatter_is_shared: see `estimates_of`.
         """
         groups = {True: results, False: [results[k] for k in alike]}
-        names = [name for paired, own in groups.items() for name in given_by_all(own) if (name in PAIR) is paired]
+        names = [
+            name for paired, of_group in groups.items() for name in given_by_all(of_group) if (name in PAIR) is paired
+        ]
         estimates = {
             name: estimates_of(groups[name in PAIR], name, scatter_is_shared=scatter_is_shared) for name in names
         }
@@ -207,8 +211,8 @@ class Common:
         sensitivities = {}
         if self.pairs is None:  # of the pooled inertia, where every log has its own
             weights, slopes = self.pooled["inertia"].weights, [result.sensitivities for result in self.results]
-            keys = [key for key in slopes[0] if all(key in own for own in slopes)]
-            sensitivities = {key: float(weights @ [own[key] for own in slopes]) for key in keys}
+            keys = [key for key in slopes[0] if all(key in of_log for of_log in slopes)]
+            sensitivities = {key: float(weights @ [of_log[key] for of_log in slopes]) for key in keys}
         return Result(
             method=self.results[0].method,
             status="ok",
@@ -230,13 +234,13 @@ class Common:
         if len(names) < 2 or not all(map(is_correlated, self.results, given)):
             return {}
         values = [
-            values_of(result, own, _identity(k))
-            for k, (result, own) in enumerate(zip(self.results, given, strict=True))
+            values_of(result, of_log, _identity(k))
+            for k, (result, of_log) in enumerate(zip(self.results, given, strict=True))
         ]
         sums = []
-        for name, one in self.pooled.items():
-            shares = {name: one.weights, **one.beside}
-            terms = [(values[k][own], w) for own, weights in shares.items() for k, w in enumerate(weights) if w]
+        for name, value in self.pooled.items():
+            shares = {name: value.weights, **value.beside}
+            terms = [(values[k][of_log], w) for of_log, weights in shares.items() for k, w in enumerate(weights) if w]
             sums.append(weighted_sum(*zip(*terms, strict=True)))
         matrix = covariance(sums)
         if self.pairs is not None:  # wider than each log states it
@@ -244,5 +248,5 @@ class Common:
             gains = self.pairs.gains(range(len(self.results)))
             shared = covariance([self.pooled[name].estimate.of_type("B") for name in PAIR])
             matrix[np.ix_(at, at)] = shared + self.pairs.scatter(gains) * (1.0 + _excess(self.pairs, gains))
-        np.fill_diagonal(matrix, [one.estimate.u**2 for one in self.pooled.values()])
+        np.fill_diagonal(matrix, [value.estimate.u**2 for value in self.pooled.values()])
         return correlation_of(names, matrix)

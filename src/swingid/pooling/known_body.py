@@ -60,8 +60,8 @@ def scaled_by_body(runs: Runs, known: Uncertain) -> tuple[Found, list[Message]]:
         raise UnanswerableError(f"a known body gives no scale here: {GROWS[name]}.", code="no-scale")
     leading = runs.tare.leading
     ratios = [values[leading] for values in runs.values(leading)]
-    one, two = ratios if leading.startswith("inertia/") else [1 / ratio for ratio in ratios]
-    apart = two - one
+    first, second = ratios if leading.startswith("inertia/") else [1 / ratio for ratio in ratios]
+    apart = second - first
     if apart.value <= 0 or apart.u > HOPELESS * apart.value:
         raise UnanswerableError(
             f"the body changes {leading} by less than its uncertainty, or the wrong way; check which result "
@@ -69,15 +69,15 @@ def scaled_by_body(runs: Runs, known: Uncertain) -> tuple[Found, list[Message]]:
             code="difference-lost",
         )
     scale = known / apart
-    found = {
+    results = {
         name: (scale, TERMS[name].unit if name in TERMS else "N m"),
-        "tare_inertia": (one * scale, unit),
-        "loaded_inertia": (two * scale, unit),
+        "tare_inertia": (first * scale, unit),
+        "loaded_inertia": (second * scale, unit),
     }
-    text = f"the body is {percent(known.value / found['tare_inertia'][0].value)} of the inertia without it"
+    text = f"the body is {percent(known.value / results['tare_inertia'][0].value)} of the inertia without it"
     if name == WEIGHED:
         text += "; the gravity torque is taken as equal in both runs, so the body's centre must be on the axis"
-    return found, [Message("scale-by-body", f"{text}.")]
+    return results, [Message("scale-by-body", f"{text}.")]
 
 
 LEVERS = {
@@ -126,14 +126,14 @@ def calibrated(
             code="no-scale",
         )
     delta = (known - loaded + tare) / reach
-    own = delta.only(lambda key: key not in lever.parts)
-    found = {
-        "scale_factor": (1 + own, ""),
-        lever.parameter: (lever.value + lever.size * own, lever.unit),
+    of_body = delta.only(lambda key: key not in lever.parts)
+    values = {
+        "scale_factor": (1 + of_body, ""),
+        lever.parameter: (lever.value + lever.size * of_body, lever.unit),
         "tare_inertia": (tare + lever.slopes[0] * delta, runs.unit),
         "loaded_inertia": (loaded + lever.slopes[1] * delta, runs.unit),
     }
-    return {name: (_seen(one), unit) for name, (one, unit) in found.items()}, *_size_of(lever, own)
+    return {name: (_seen(value), unit) for name, (value, unit) in values.items()}, *_size_of(lever, of_body)
 
 
 def _seen(value: Uncertain) -> Uncertain:
@@ -182,7 +182,7 @@ def find_lever(runs: Runs) -> Lever:
 
 def _slopes(runs: Runs, key: str) -> tuple[float, float] | None:
     """Change of the inertia of each run per unit of a constant; None where one has none."""
-    found = []
+    slopes = []
     for result in (runs.tare, runs.loaded):
         slope = result.sensitivities.get(key)
         for entry in result.budget:
@@ -190,5 +190,5 @@ def _slopes(runs: Runs, key: str) -> tuple[float, float] | None:
                 slope = entry.sensitivity
         if not slope:
             return None
-        found.append(slope)
-    return found[0], found[1]
+        slopes.append(slope)
+    return slopes[0], slopes[1]

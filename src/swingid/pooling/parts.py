@@ -65,11 +65,11 @@ def combine_parts(parts: Sequence[Part]) -> Result:
     the first part where none has a number, UnanswerableError where all together do not distinguish inertia from gravity
     torque.
     """
-    found = [(part, part.result) for part in parts if isinstance(part.result, Result)]
-    certain = [(part, result) for part, result in found if result.inertia.standard_uncertainty is not None]
-    if not found:
+    answered = [(part, part.result) for part in parts if isinstance(part.result, Result)]
+    certain = [(part, result) for part, result in answered if result.inertia.standard_uncertainty is not None]
+    if not answered:
         raise next(part.result for part in parts if isinstance(part.result, SwingidError))
-    kept = certain or found[:1]
+    kept = certain or answered[:1]
     results = [result for _, result in kept]
     joined, common = None, results[0]
     if certain:
@@ -95,15 +95,17 @@ def _of_one_law(results: Sequence[Result]) -> list[int]:
     """The parts that chose the commonest friction law."""
     laws = [tuple(name for name in result.parameters if name not in PAIR) for result in results]
     law = Counter(laws).most_common(1)[0][0]
-    return [k for k, own in enumerate(laws) if own == law]
+    return [k for k, law_of_part in enumerate(laws) if law_of_part == law]
 
 
 def _with_averaging(common: Result, smear: float) -> Result:
     """Add the effect of averaging rows on the inertia: anywhere within ± smear (GUM 4.3.7)."""
     more = float(abs(common.inertia.value) * smear / 3**0.5)
-    found = Evaluated(common.parameters, list(common.budget), common.correlation)
-    found = found.widened(systematic(AVERAGED, "rectangular"), "inertia", more)
-    return replace(common, budget=tuple(found.budget), parameters=found.parameters, correlation=found.correlation)
+    evaluated = Evaluated(common.parameters, list(common.budget), common.correlation)
+    evaluated = evaluated.widened(systematic(AVERAGED, "rectangular"), "inertia", more)
+    return replace(
+        common, budget=tuple(evaluated.budget), parameters=evaluated.parameters, correlation=evaluated.correlation
+    )
 
 
 def _messages(results: Sequence[Result], count: int, *, settled: bool) -> tuple[list[Message], list[Message]]:
@@ -111,7 +113,7 @@ def _messages(results: Sequence[Result], count: int, *, settled: bool) -> tuple[
     left_out = SINGLE if settled else set()
     warnings: list[Message] = []
     notes: list[Message] = []
-    for code, texts in _by_code([[m for m in one.warnings if m.kind not in left_out] for one in results]).items():
+    for code, texts in _by_code([[m for m in result.warnings if m.kind not in left_out] for result in results]).items():
         message = Message(code, f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}")
         (warnings if len(texts) >= OFTEN * count else notes).append(message)
     for code, texts in _by_code([result.notes for result in results]).items():
@@ -124,22 +126,22 @@ def _messages(results: Sequence[Result], count: int, *, settled: bool) -> tuple[
 
 def _by_code(messages: Sequence[Sequence[Message]]) -> dict[str, list[str]]:
     """Return by its code the first message of each part that has one."""
-    found: dict[str, list[str]] = {}
+    by_code: dict[str, list[str]] = {}
     for of_part in messages:
         first = {message.code: message.message for message in reversed(of_part)}
         for code in dict.fromkeys(message.code for message in of_part):
-            found.setdefault(code, []).append(first[code])
-    return found
+            by_code.setdefault(code, []).append(first[code])
+    return by_code
 
 
 def _inconsistent(kept: Sequence[tuple[Part, Result]], pairs: Pairs | None) -> list[Message]:
     """A warning that names the parts that are inconsistent with the rest in the inertia (in the pair, if estimated)."""
     advice = "look at the log there, or exclude it with --part; the uncertainty contains the scatter"
     if pairs is not None:
-        found = outlying_pair(pairs)
-        if found is None:
+        pair = outlying_pair(pairs)
+        if pair is None:
             return []
-        name = kept[found[0]][0].name
+        name = kept[pair[0]][0].name
         text = f"the part from {name} is inconsistent with the others in inertia and gravity torque; {advice}."
         return [Message("parts-disagree", text)]
     if any(result.inertia.standard_uncertainty is None for _, result in kept):
@@ -211,36 +213,42 @@ def _provenance(parts: Sequence[Part], results: Sequence[Result]) -> dict[str, o
 
 def _repairs(results: Sequence[Result]) -> list[dict[str, object]]:
     """Every repair once, with the number of parts in which it was made."""
-    found: dict[tuple[object, object], list[object]] = {}
+    by_repair: dict[tuple[object, object], list[object]] = {}
     for result in results:
         repairs = result.provenance.get("repairs")
-        own = {(one["repair"], one["done"]): one["what"] for one in repairs} if isinstance(repairs, list) else {}
-        for key, what in own.items():
-            found.setdefault(key, []).append(what)
+        done_in_part = (
+            {(repair["repair"], repair["done"]): repair["what"] for repair in repairs}
+            if isinstance(repairs, list)
+            else {}
+        )
+        for key, what in done_in_part.items():
+            by_repair.setdefault(key, []).append(what)
     return [
         {"repair": name, "done": done, "what": f"in {len(whats)} of {len(results)} parts, such as: {whats[0]}"}
-        for (name, done), whats in found.items()
+        for (name, done), whats in by_repair.items()
     ]
 
 
 def _details(kept: Sequence[tuple[Part, Result]]) -> Details | None:
     """Turning points and swings of all parts, the friction of the one in the middle of their inertias."""
-    found = [result.details for _, result in kept if result.details is not None]
-    if not found:
+    each = [result.details for _, result in kept if result.details is not None]
+    if not each:
         return None
     values = [result.inertia.value for _, result in kept if result.details is not None]
-    middle = found[int(np.argsort(values)[len(values) // 2])]
-    swings = [details.swings for details in found if details.swings is not None]
+    middle = each[int(np.argsort(values)[len(values) // 2])]
+    swings = [details.swings for details in each if details.swings is not None]
     series = None
     if swings:
-        every = -(-sum(len(one.times) for one in swings) // DRAWN)
+        every = -(-sum(len(of_part.times) for of_part in swings) // DRAWN)
         names = ("times", "sides", "values", "uncertainties")
-        series = SwingSeries(*(np.concatenate([getattr(one, name) for one in swings])[::every] for name in names))
+        series = SwingSeries(
+            *(np.concatenate([getattr(of_part, name) for of_part in swings])[::every] for name in names)
+        )
     return Details(
-        start=found[0].start,
-        stop=found[-1].stop,
-        turning_times=np.concatenate([details.turning_times for details in found]),
-        turning_angles=np.concatenate([details.turning_angles for details in found]),
+        start=each[0].start,
+        stop=each[-1].stop,
+        turning_times=np.concatenate([details.turning_times for details in each]),
+        turning_angles=np.concatenate([details.turning_angles for details in each]),
         window=middle.window,
         swings=series,
         friction=middle.friction,

@@ -52,9 +52,9 @@ def pool(estimates: Sequence[Uncertain], between_them: str = BETWEEN) -> Pooled:
     """
     whole = covariance(estimates)
     values = np.array([estimate.value for estimate in estimates])
-    own = _weight_variances(estimates)
-    between = _between(values, own, whole)
-    weights = 1 / (own + between)
+    variances = _weight_variances(estimates)
+    between = _between(values, variances, whole)
+    weights = 1 / (variances + between)
     weights = weights / weights.sum()
     pooled = weighted_sum(estimates, weights)
     if between == 0:
@@ -86,11 +86,11 @@ def _weight_variances(estimates: Sequence[Uncertain]) -> Array:
     return result
 
 
-def _between(values: Array, own: Array, whole: Array) -> float:
+def _between(values: Array, variances: Array, whole: Array) -> float:
     """τ²: where the weighted scatter of the values is what their covariance and τ² make one expect; 0 below."""
 
     def excess(between: float) -> float:
-        weights = 1 / (own + between)
+        weights = 1 / (variances + between)
         share = weights / weights.sum()
         centred = values - share @ values
         expected = weights @ np.diag(whole) - weights @ whole @ share + between * (weights.sum() - weights @ share)
@@ -132,14 +132,14 @@ def deviations(estimates: Sequence[Uncertain]) -> list[Deviation]:
     if len(estimates) < 2:
         return []
     limit = family_level(len(estimates))
-    found = []
+    gaps = []
     for k, estimate in enumerate(estimates):
         others = [other for j, other in enumerate(estimates) if j != k]
         gap = estimate - weighted_sum(others, pool(others).weights)
         floor = 1e-9 * abs(estimate.value)
         u = math.hypot(gap.u, floor)
-        found.append(Deviation(k, gap.value, u, abs(gap.value) > limit * u))
-    return found
+        gaps.append(Deviation(k, gap.value, u, abs(gap.value) > limit * u))
+    return gaps
 
 
 def outliers(estimates: Sequence[Uncertain]) -> list[Deviation]:
@@ -147,15 +147,15 @@ def outliers(estimates: Sequence[Uncertain]) -> list[Deviation]:
 
     Of two logs that disagree both are returned, for nothing shows which is right. So are all where no majority agrees.
     """
-    left = list(range(len(estimates)))
+    remaining = list(range(len(estimates)))
     named: list[Deviation] = []
-    while len(left) > 1:
-        tested = deviations([estimates[k] for k in left])
+    while len(remaining) > 1:
+        tested = deviations([estimates[k] for k in remaining])
         worst = max(tested, key=lambda d: abs(d.normalised))
         if not worst.beyond:
             break
-        if len(left) == 2 or len(named) + 1 >= math.ceil(len(estimates) / 2):
+        if len(remaining) == 2 or len(named) + 1 >= math.ceil(len(estimates) / 2):
             return deviations(estimates)
-        named.append(Deviation(left[worst.log], worst.value, worst.u, True))
-        left.remove(left[worst.log])
+        named.append(Deviation(remaining[worst.log], worst.value, worst.u, True))
+        remaining.remove(remaining[worst.log])
     return named

@@ -33,8 +33,8 @@ class Runs:
     def of(cls, tare: Result | str | Path, loaded: Result | str | Path, *, ratios: bool = False) -> Runs:
         """Read and check both; ratios: whether both may be ones of ratios. Raises InputError for other pairs."""
         words = {"the tare result": tare, "the loaded result": loaded}
-        one, other = (name if isinstance(given, Result) else str(given) for name, given in words.items())
-        names = one, other
+        of_tare, of_loaded = (name if isinstance(given, Result) else str(given) for name, given in words.items())
+        names = of_tare, of_loaded
         first, second = (r if isinstance(r, Result) else load_result(r) for r in (tare, loaded))
         _require_same(first, second, names, ratios=ratios and first.ratios and second.ratios)
         apart, notes = _constants_apart(first, second, names)
@@ -115,15 +115,15 @@ def _constants_apart(tare: Result, loaded: Result, names: tuple[str, str]) -> tu
     apart: set[str] = set()
     notes: list[Message] = []
     for key in keys:
-        one, other = constant(tare, key), constant(loaded, key)
-        if one is not None and other is not None and key != GRAVITY and not _alike(one[0], other[0]):
+        first, second = constant(tare, key), constant(loaded, key)
+        if first is not None and second is not None and key != GRAVITY and not _alike(first[0], second[0]):
             raise InputError(
-                f"{names[0]} and {names[1]} were identified with different rigs: {key} is {one[0]:.6g} and "
-                f"{other[0]:.6g}; identify both with the same constants.",
+                f"{names[0]} and {names[1]} were identified with different rigs: {key} is {first[0]:.6g} and "
+                f"{second[0]:.6g}; identify both with the same constants.",
                 code="different-rigs",
             )
         spreads = [_deviations(result).get(key) for result in (tare, loaded)]
-        same_value = one is None or other is None or _alike(one[0], other[0])
+        same_value = first is None or second is None or _alike(first[0], second[0])
         if None not in spreads and not (same_value and _alike(*spreads)):  # type: ignore[arg-type]
             apart.add(key)
     if GRAVITY in apart:
@@ -153,5 +153,5 @@ def _deviations(result: Result) -> dict[str, float]:
     }
 
 
-def _alike(one: float, other: float) -> bool:
-    return math.isclose(one, other, rel_tol=1e-6)
+def _alike(first: float, second: float) -> bool:
+    return math.isclose(first, second, rel_tol=1e-6)

@@ -41,16 +41,16 @@ def parts_of(part: object) -> list[Span]:
     if part is None:
         return []
     single = isinstance(part, str) or (
-        isinstance(part, Sequence) and len(part) == 2 and not any(isinstance(one, str | Sequence) for one in part)
+        isinstance(part, Sequence) and len(part) == 2 and not any(isinstance(edge, str | Sequence) for edge in part)
     )
     if not isinstance(part, Sequence):
         raise _no_part(part)
-    found = [_span(one) for one in ([part] if single else part)]
-    for (start, stop), (begin, end) in pairwise(sorted(found)):
+    spans = [_span(single_part) for single_part in ([part] if single else part)]
+    for (start, stop), (begin, end) in pairwise(sorted(spans)):
         if begin < stop:
             text = f"the parts {_text(start, stop)} and {_text(begin, end)} overlap, and a row counts once; part them."
             raise UsageError(text, code="bad-part")
-    return found
+    return spans
 
 
 def _span(part: object) -> Span:
@@ -58,7 +58,7 @@ def _span(part: object) -> Span:
     if len(ends) != 2:
         raise _no_part(part)
     try:
-        start, stop = (float(one) if one != "" else sign * math.inf for one, sign in zip(ends, (-1, 1), strict=True))
+        start, stop = (float(end) if end != "" else sign * math.inf for end, sign in zip(ends, (-1, 1), strict=True))
     except (TypeError, ValueError):
         raise _no_part(part) from None
     if start >= stop:
@@ -78,7 +78,7 @@ def _no_part(part: object) -> UsageError:
 
 def _text(start: float, stop: float) -> str:
     """Write the part as it is given to --part."""
-    return ":".join("" if math.isinf(one) else f"{one:g}" for one in (start, stop))
+    return ":".join("" if math.isinf(end) else f"{end:g}" for end in (start, stop))
 
 
 def selected(log: Log, span: Span) -> Log:
@@ -96,7 +96,7 @@ def selected(log: Log, span: Span) -> Log:
 def decays_of(log: Recording, spans: Sequence[Span]) -> dict[str, Recording]:
     """The parts of a log that were found, by name; their ends are still to be chosen."""
     return {
-        _text(*span): replace(one, selected=False) for span, one in zip(spans, each_part([log], spans), strict=True)
+        _text(*span): replace(part, selected=False) for span, part in zip(spans, each_part([log], spans), strict=True)
     }
 
 
@@ -110,16 +110,18 @@ def in_parts(log: Logs, spans: Sequence[Span]) -> Log | dict[str, Log | SwingidE
     if isinstance(log, Recording | LargeLog):
         if len(spans) == 1:
             return selected(log, spans[0])
-        return {_text(*span): one for span, one in zip(spans, each_part([log], spans), strict=True)}
-    found: dict[str, Log | SwingidError] = {}
-    for name, one in logs_by_name(log).items():
-        if isinstance(one, SwingidError):
-            found[name] = one
+        return {_text(*span): part for span, part in zip(spans, each_part([log], spans), strict=True)}
+    by_name: dict[str, Log | SwingidError] = {}
+    for name, each in logs_by_name(log).items():
+        if isinstance(each, SwingidError):
+            by_name[name] = each
         elif len(spans) == 1:
-            found[name] = selected(one, spans[0])
+            by_name[name] = selected(each, spans[0])
         else:
-            found |= {f"{name} {_text(*span)}": own for span, own in zip(spans, each_part([one], spans), strict=True)}
-    return found
+            by_name |= {
+                f"{name} {_text(*span)}": rows for span, rows in zip(spans, each_part([each], spans), strict=True)
+            }
+    return by_name
 
 
 def each_part(logs: Sequence[Log], spans: Sequence[Span]) -> list[Recording]:
@@ -127,7 +129,7 @@ def each_part(logs: Sequence[Log], spans: Sequence[Span]) -> list[Recording]:
 
     Raises UsageError for one that is too large to be read whole.
     """
-    found = []
+    parts = []
     for log in logs:
         for span in spans:
             part = selected(log, span)
@@ -135,8 +137,8 @@ def each_part(logs: Sequence[Log], spans: Sequence[Span]) -> list[Recording]:
                 text = f"the part {_text(*span)} is too large to be one of several; identify it by itself."
                 raise UsageError(text, code="too-large")
             path = part.source.path if len(spans) == 1 else f"{part.source.path or 'log'} {_text(*span)}"
-            found.append(replace(part, source=replace(part.source, path=path)))
-    return found
+            parts.append(replace(part, source=replace(part.source, path=path)))
+    return parts
 
 
 def releases(log: Recording, rig: Rig) -> list[Span]:
@@ -152,23 +154,23 @@ def releases(log: Recording, rig: Rig) -> list[Span]:
     except UnanswerableError:
         return []  # the method says why
     sizes = {span: motion.within(*span).swing_sizes for span in spans}
-    found: list[Span] = []
+    kept_spans: list[Span] = []
     for span in spans:
-        again = not found or sizes[span][0] > RELEASED * sizes[found[-1]][-1]
-        if again or sizes[span].sum() > sizes[found[-1]].sum():
-            found = [*(found if again else found[:-1]), span]
-    largest = max(sizes[span].sum() for span in found)
-    kept = [span for span in found if sizes[span].sum() > WORTH * largest]
+        again = not kept_spans or sizes[span][0] > RELEASED * sizes[kept_spans[-1]][-1]
+        if again or sizes[span].sum() > sizes[kept_spans[-1]].sum():
+            kept_spans = [*(kept_spans if again else kept_spans[:-1]), span]
+    largest = max(sizes[span].sum() for span in kept_spans)
+    kept = [span for span in kept_spans if sizes[span].sum() > WORTH * largest]
     return kept if len(kept) > 1 else []
 
 
 def with_parts(result: Result, spans: Sequence[Span], each: Sequence[Result]) -> Result:
     """The result with the values of its parts in `per_part`; each: the results of the parts alone."""
     rows = []
-    for (start, stop), one in zip(spans, each, strict=True):
-        own = one.parameters.get(result.leading)
-        value, u = (None, None) if own is None else (own.value, own.standard_uncertainty)
-        rows.append(PartValue(start, stop, value, u, one.status))
+    for (start, stop), result_of_part in zip(spans, each, strict=True):
+        leading = result_of_part.parameters.get(result.leading)
+        value, u = (None, None) if leading is None else (leading.value, leading.standard_uncertainty)
+        rows.append(PartValue(start, stop, value, u, result_of_part.status))
     return replace(result, per_part=tuple(rows))
 
 

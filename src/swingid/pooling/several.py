@@ -90,13 +90,13 @@ def combine(results: Sequence[Result], names: Sequence[str], *, friction: str = 
             if k not in counted
         ),
     ]
-    found: list[Message] = []
+    messages: list[Message] = []
     if len(sound) == 1:
         undetermined(sound[0])
         common, notes = sound[0], [Message("several-logs", f"{called[0]} alone has a weight, so nothing was pooled.")]
     else:
-        common, found, notes = _pooled(sound, called, friction)
-    warnings += [*of_logs(sound, called, settled=bool(common.covariance_of_fit) and len(sound) > 1), *found]
+        common, messages, notes = _pooled(sound, called, friction)
+    warnings += [*of_logs(sound, called, settled=bool(common.covariance_of_fit) and len(sound) > 1), *messages]
     notes += [note for note in sound[0].notes if all(note in other.notes for other in sound[1:])]
     return replace(
         common,
@@ -113,15 +113,15 @@ def _pooled(
     results: Sequence[Result], names: Sequence[str], friction: str
 ) -> tuple[Result, list[Message], list[Message]]:
     """The common parameters with their budget; warnings and notes on how the logs agree."""
-    found = Common.of(results, range(len(results)) if friction == "shared" else ())
-    common, pooled = found.result(), found.pooled
+    shared = Common.of(results, range(len(results)) if friction == "shared" else ())
+    common, pooled = shared.result(), shared.pooled
     warnings = []
-    if found.pairs is not None:
-        warnings += [*conditioning(common.inertia, common.budget), *pair_disagreement(found.pairs, names)]
-    checked = {name: each for name, each in found.estimates.items() if found.pairs is None or name not in PAIR}
+    if shared.pairs is not None:
+        warnings += [*conditioning(common.inertia, common.budget), *pair_disagreement(shared.pairs, names)]
+    checked = {name: each for name, each in shared.estimates.items() if shared.pairs is None or name not in PAIR}
     texts = _disagreements(checked, names, common.parameters)
     warnings += [Message("logs-disagree", text) for text in texts]
-    notes = [_pooling_note(pooled["inertia"], names, joint=found.pairs is not None)]
+    notes = [_pooling_note(pooled["inertia"], names, joint=shared.pairs is not None)]
     if friction == "per-log":
         notes.append(_friction_note(results, names))
     else:
@@ -159,15 +159,15 @@ def named_recordings(logs: Sequence[Log] | Mapping[str, Log | SwingidError]) -> 
 
     Raises the error of one that could not be read, UsageError for none, one given twice, or one to be read in parts.
     """
-    found = {}
+    by_name = {}
     for name, log in logs_by_name(logs).items():
         if isinstance(log, SwingidError):
             raise log
         if not isinstance(log, Recording):
             text = f"{name} is too large for one fit to several logs, which are not read in parts; give --part FROM:TO."
             raise UsageError(text, code="too-large")
-        found[name] = log
-    return dict(zip(_short(list(found)), found.values(), strict=True))
+        by_name[name] = log
+    return dict(zip(_short(list(by_name)), by_name.values(), strict=True))
 
 
 def _short(names: Sequence[str]) -> list[str]:
@@ -178,9 +178,9 @@ def _short(names: Sequence[str]) -> list[str]:
 
 def _provenance(sound: Sequence[Result], results: Sequence[Result], friction: str) -> dict[str, object]:
     """Return the provenance of the first log, with all logs in the place of one."""
-    found = of_several(sound[0].provenance, [one.provenance for one in results])
-    options = found.pop("options", None)
-    return found | {"options": {"friction": friction} | (dict(options) if isinstance(options, dict) else {})}
+    provenance = of_several(sound[0].provenance, [result.provenance for result in results])
+    options = provenance.pop("options", None)
+    return provenance | {"options": {"friction": friction} | (dict(options) if isinstance(options, dict) else {})}
 
 
 def undetermined(result: Result) -> None:
@@ -192,18 +192,18 @@ def undetermined(result: Result) -> None:
 
 def of_logs(results: Sequence[Result], names: Sequence[str], *, settled: bool) -> list[Message]:
     """Warnings of the single logs, each once with the names of its logs."""
-    found: dict[Message, list[str]] = {}
+    by_message: dict[Message, list[str]] = {}
     for result, name in zip(results, names, strict=True):
         for message in result.warnings:
             if not (settled and message.kind in SINGLE):
-                found.setdefault(message, []).append(name)
-    return [replace(message, message=f"{', '.join(logs)}: {message.message}") for message, logs in found.items()]
+                by_message.setdefault(message, []).append(name)
+    return [replace(message, message=f"{', '.join(logs)}: {message.message}") for message, logs in by_message.items()]
 
 
 def conditioning(inertia: Parameter, budget: Sequence[BudgetEntry]) -> list[Message]:
     """Return whether the logs together distinguish inertia from gravity torque."""
-    own = sum(e.standard_uncertainty**2 for e in budget if e.parameter == "inertia" and e.type == "A") ** 0.5
-    relative = own / max(abs(inertia.value), 1e-300)
+    scatter = sum(e.standard_uncertainty**2 for e in budget if e.parameter == "inertia" and e.type == "A") ** 0.5
+    relative = scatter / max(abs(inertia.value), 1e-300)
     if inertia.value <= 0 or relative > HOPELESS:
         raise UnanswerableError(
             "inertia and gravity torque are collinear in all these logs; add one of another frequency, "
@@ -221,12 +221,12 @@ def conditioning(inertia: Parameter, budget: Sequence[BudgetEntry]) -> list[Mess
 
 def pair_disagreement(pairs: Pairs, names: Sequence[str]) -> list[Message]:
     """The log whose inertia and gravity torque together are inconsistent with those of the others."""
-    found = outlying_pair(pairs)
-    if found is None:
+    outliers = outlying_pair(pairs)
+    if outliers is None:
         return []
     text = (
-        f"{names[found[0]]} disagrees with the others in inertia and gravity torque together "
-        f"({found[1]:.2g} times the limit of chance); check what differs in that run, or leave it out."
+        f"{names[outliers[0]]} disagrees with the others in inertia and gravity torque together "
+        f"({outliers[1]:.2g} times the limit of chance); check what differs in that run, or leave it out."
     )
     return [Message("logs-disagree", text)]
 
@@ -235,8 +235,8 @@ def _disagreements(
     estimates: Mapping[str, list[Uncertain]], names: Sequence[str], parameters: Mapping[str, Parameter]
 ) -> list[str]:
     """One sentence for each parameter in which logs disagree with the rest."""
-    found = [_disagreement(name, each, names, parameters[name].unit) for name, each in estimates.items()]
-    return [text for text in found if text]
+    disagreements = [_disagreement(name, each, names, parameters[name].unit) for name, each in estimates.items()]
+    return [text for text in disagreements if text]
 
 
 def _disagreement(parameter: str, estimates: list[Uncertain], names: Sequence[str], unit: str) -> str:
@@ -281,23 +281,23 @@ def _pooling_note(inertia: Pooled, names: Sequence[str], *, joint: bool) -> Mess
 def _shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> Message:
     """Which friction parameters were pooled, and that logs with other laws have others."""
     shared, all_of_them = list(pooled), dict.fromkeys(name for result in results for name in result.parameters)
-    left = [name for name in all_of_them if name not in shared]
+    others = [name for name in all_of_them if name not in shared]
     text = f"pooled: {', '.join(name for name in shared if name not in PAIR) or 'no friction parameter'}"
-    if left:
-        text += f"; not given by every log with an uncertainty, see per_log: {', '.join(left)}"
+    if others:
+        text += f"; not given by every log with an uncertainty, see per_log: {', '.join(others)}"
     return Message("friction-shared", text + ".")
 
 
 def _friction_note(results: Sequence[Result], names: Sequence[str]) -> Message:
     """Return whether friction, left to each log, agrees between them."""
-    own = {name: estimates_of(results, name) for name in given_by_all(results) if name not in PAIR}
+    by_name = {name: estimates_of(results, name) for name in given_by_all(results) if name not in PAIR}
     laws = {tuple(name for name in result.parameters if name not in PAIR) for result in results}
-    found = _disagreements(own, names, results[0].parameters)
-    if found:
-        return Message("friction-per-log", f"friction differs between the logs: {' '.join(found)}")
+    disagreements = _disagreements(by_name, names, results[0].parameters)
+    if disagreements:
+        return Message("friction-per-log", f"friction differs between the logs: {' '.join(disagreements)}")
     text = "friction is each log's own, see per_log"
-    if own:
-        text += f"; {', '.join(own)} agree{'s' if len(own) == 1 else ''} within the uncertainties"
+    if by_name:
+        text += f"; {', '.join(by_name)} agree{'s' if len(by_name) == 1 else ''} within the uncertainties"
     if len(laws) > 1:
         text += "; the logs chose different friction laws"
     return Message("friction-per-log", text + ".")

@@ -41,5 +41,5 @@ def _value(rig: Rig, key: str, value: Any) -> Any:
     for part in key.split("."):
         several = getattr(several, part, None)
     if isinstance(several, tuple):
-        return [value.factor * one for one in several]
+        return [value.factor * number for number in several]
     raise InputError(f"{key} is not stated as a number, so there is no multiple of it", code="wrong-value")

@@ -77,14 +77,14 @@ class Experiment:
             result = identify(self._log(draw), self._rig(draw), self.method, **self.options)
         except (UnanswerableError, InputError) as error:
             return error.code
-        return {name: one.value for name, one in result.parameters.items()}
+        return {name: parameter.value for name, parameter in result.parameters.items()}
 
     def _rig(self, draw: Draw) -> Rig:
         changes: dict[str, object] = {}
-        for key, one in self.constants.items():
+        for key, constant in self.constants.items():
             if key in draw.units and key != CLOCK:
-                value = one.value + (one.std or 0.0) * draw.units[key]
-                changes[key] = Quantity(value, None if key in TILTS else one.std)
+                value = constant.value + (constant.std or 0.0) * draw.units[key]
+                changes[key] = Quantity(value, None if key in TILTS else constant.std)
         return self.rig.changed(changes) if changes else self.rig
 
     def _log(self, draw: Draw) -> Recording:
@@ -95,9 +95,9 @@ class Experiment:
         for (name, values), sigma in zip(channels.items(), self.noise, strict=True):
             if values is None:
                 continue
-            sensor, own = self.rig.sensors.of(name), f"sensors.{name}."  # type: ignore[arg-type]
-            late = (sensor.latency.std or 0.0) * units.get(f"{own}latency", 0.0)
-            alpha, beta = ((part.std or 0.0) * units.get(f"{own}{kind}", 0.0) for kind, part in sensor.parts.items())
+            sensor, prefix = self.rig.sensors.of(name), f"sensors.{name}."  # type: ignore[arg-type]
+            late = (sensor.latency.std or 0.0) * units.get(f"{prefix}latency", 0.0)
+            alpha, beta = ((part.std or 0.0) * units.get(f"{prefix}{kind}", 0.0) for kind, part in sensor.parts.items())
             read = moved(log.time, values, late)
             read = read + alpha * np.cos(values) + beta * np.sin(values)
             channels[name] = read if generator is None else read + sigma * generator.standard_normal(len(read))
@@ -115,37 +115,39 @@ class Experiment:
         return replace(log, time=time, angle=angle, wheel_angle=wheel, voltage=volts, torque=torque)
 
     def _ratio(self, key: str, units: Mapping[str, float]) -> float:
-        one = self.constants.get(key)
-        return 1.0 if one is None or key not in units else 1 + (one.std or 0.0) * units[key] / one.value
+        constant = self.constants.get(key)
+        return 1.0 if constant is None or key not in units else 1 + (constant.std or 0.0) * units[key] / constant.value
 
     def _shift(self, key: str, units: Mapping[str, float]) -> float:
-        one = self.constants.get(key)
-        return 0.0 if one is None else (one.std or 0.0) * units.get(key, 0.0)
+        constant = self.constants.get(key)
+        return 0.0 if constant is None else (constant.std or 0.0) * units.get(key, 0.0)
 
 
 def uncertain_constants(rig: Rig) -> dict[str, Quantity]:
     """Every quantity of the rig with a standard uncertainty that a draw changes, by its dotted key."""
-    found: dict[str, Quantity] = {}
+    constants: dict[str, Quantity] = {}
     for section in ("axis", "drive"):
-        _collect(getattr(rig, section), section, found)
+        _collect(getattr(rig, section), section, constants)
     keys = [key for term in further_terms() for key in (term.key, term.shift) if key]
-    found |= {key: one for key in (*keys, *SCALES, CLOCK) if isinstance(one := stated_at(rig, key), Quantity)}
+    constants |= {
+        key: quantity for key in (*keys, *SCALES, CLOCK) if isinstance(quantity := stated_at(rig, key), Quantity)
+    }
     if rig.drive.channel != "torque":
-        found.pop("log.torque_gain", None)
+        constants.pop("log.torque_gain", None)
     return {
-        key: one
-        for key, one in found.items()
-        if one.std and not isinstance(one, UnknownScale) and not key.startswith(UNDRAWN)
+        key: quantity
+        for key, quantity in constants.items()
+        if quantity.std and not isinstance(quantity, UnknownScale) and not key.startswith(UNDRAWN)
     }
 
 
-def _collect(table: Table, path: str, found: dict[str, Quantity]) -> None:
+def _collect(table: Table, path: str, constants: dict[str, Quantity]) -> None:
     for name in type(table).model_fields:
         value = getattr(table, name)
         if isinstance(value, Quantity):
-            found[f"{path}.{name}"] = value
+            constants[f"{path}.{name}"] = value
         elif isinstance(value, Table):
-            _collect(value, f"{path}.{name}", found)
+            _collect(value, f"{path}.{name}", constants)
 
 
 def monte_carlo(
@@ -183,38 +185,38 @@ def monte_carlo(
     planned = [Draw({}, seed * 2**32 + k) for k in range(min(NOISE_DRAWS, draws))]
     planned += [_drawn(keys, seed, k) for k in range(draws)]
     outcomes: list[dict[str, float] | str] = []
-    for one in map_in_processes(experiment.estimate, planned, workers, chunk=8):
-        outcomes.append(one)
+    for draw in map_in_processes(experiment.estimate, planned, workers, chunk=8):
+        outcomes.append(draw)
         if progress is not None:
             progress(len(outcomes), len(planned))
     alone, whole = outcomes[: len(planned) - draws], outcomes[len(planned) - draws :]
-    answered = [one for one in whole if not isinstance(one, str)]
+    answered = [draw for draw in whole if not isinstance(draw, str)]
     if len(answered) < max(FEWEST // 2, draws // 2):
-        codes = ", ".join(sorted({one for one in whole if isinstance(one, str)}))
+        codes = ", ".join(sorted({draw for draw in whole if isinstance(draw, str)}))
         message = f"only {len(answered)} of {draws} draws have an estimate ({codes}), too few for a distribution."
         raise UnanswerableError(message, code="draws-refused")
-    refusals = dict(Counter(one for one in whole if isinstance(one, str)))
+    refusals = dict(Counter(draw for draw in whole if isinstance(draw, str)))
     generator = np.random.default_rng([seed, 1])
-    found = {}
+    distributions = {}
     for name, parameter in result.parameters.items():
-        values = np.array([one[name] for one in answered if name in one])
-        quiet = np.array([one[name] for one in alone if not isinstance(one, str) and name in one])
+        values = np.array([draw[name] for draw in answered if name in draw])
+        quiet = np.array([draw[name] for draw in alone if not isinstance(draw, str) and name in draw])
         if parameter.standard_uncertainty is None or len(values) < len(answered) / 2 or len(quiet) < 2:
             continue
-        entries = [one for one in result.budget if one.parameter == name]
+        entries = [entry for entry in result.budget if entry.parameter == name]
         values = values + _corrections(entries, keys, float(np.std(quiet, ddof=1)), len(values), generator)
-        found[name] = distributed(values, parameter.interval95, parameter.standard_uncertainty)
-    return replace(result, monte_carlo=MonteCarlo(draws, len(answered), refusals, found))
+        distributions[name] = distributed(values, parameter.interval95, parameter.standard_uncertainty)
+    return replace(result, monte_carlo=MonteCarlo(draws, len(answered), refusals, distributions))
 
 
 def _sensor_keys(rig: Rig, log: Recording) -> list[str]:
     """Keys of what the encoders are declared to have, such as "sensors.angle.latency" and "sensors.wheel.cosine"."""
-    found = []
+    keys = []
     for name, values in (("angle", log.angle), ("wheel", log.wheel_angle)):
         sensor = rig.sensors.of(name)  # type: ignore[arg-type]
         kinds = {"latency": sensor.latency, **sensor.parts}
-        found += [f"sensors.{name}.{kind}" for kind, one in kinds.items() if one.std and values is not None]
-    return found
+        keys += [f"sensors.{name}.{kind}" for kind, quantity in kinds.items() if quantity.std and values is not None]
+    return keys
 
 
 def _identity(key: str) -> str:
@@ -272,7 +274,7 @@ def distributed(values: Array, linear: tuple[float, float] | None, u: float) -> 
     error = _end_error(values)
     agrees: bool | None = None
     if linear is not None:
-        apart = max(abs(one - other) for one, other in zip(linear, symmetric, strict=True))
+        apart = max(abs(end - other) for end, other in zip(linear, symmetric, strict=True))
         if apart + 2 * error <= tolerance or apart - 2 * error > tolerance:
             agrees = apart <= tolerance
     mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))

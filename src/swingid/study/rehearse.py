@@ -128,19 +128,22 @@ def rehearse(
     drawn = [parse_fault(text) for text in faults]
     if drawn:
         experiment = with_faults(experiment, drawn)
-    found: list[list[Row]] = []
+    tables: list[list[Row]] = []
     for rows in map_in_processes(partial(run_once, experiment), [seed + k for k in range(runs)], workers):
-        found.append(rows)
+        tables.append(rows)
         if progress is not None:
-            progress(len(found), runs)
-    expectations = tuple(Expectation.of([rows[k] for rows in found]) for k in range(len(chosen)))
+            progress(len(tables), runs)
+    expectations = tuple(Expectation.of([rows[k] for rows in tables]) for k in range(len(chosen)))
     if not any(e.answered for e in expectations):
         reasons = ", ".join(sorted({reason for e in expectations for reason in e.refusals}))
         raise UnanswerableError(
             f"no method found an inertia in any of {runs} runs ({reasons}); plan another motion.", code="all-refused"
         )
     return Rehearsal(
-        rig.name, runs, expectations, (*_notes(rig), *(f"with the fault {one}: {one.fault.words}." for one in drawn))
+        rig.name,
+        runs,
+        expectations,
+        (*_notes(rig), *(f"with the fault {fault}: {fault.fault.words}." for fault in drawn)),
     )
 
 

@@ -34,18 +34,18 @@ class ResultsTable:
     @property
     def answered(self) -> bool:
         """Return whether any log has a number."""
-        return any(one.status != "refused" for one in self.results.values())
+        return any(result.status != "refused" for result in self.results.values())
 
     def rows(self) -> Iterator[tuple[object, ...]]:
         """The cells of `COLUMNS`, one row per parameter; of a refused log one row with its code and its reason."""
         for (log, method), result in self.results.items():
-            codes = " ".join(dict.fromkeys(one.code for one in result.warnings))
+            codes = " ".join(dict.fromkeys(warning.code for warning in result.warnings))
             if result.error is not None:
                 yield log, method, result.status, *[""] * 6, result.error.code, result.error.message
-            for name, one in result.parameters.items():
-                ends = one.interval95 or ("", "")
-                u = "" if one.standard_uncertainty is None else one.standard_uncertainty
-                yield log, method, result.status, name, one.value, u, *ends, one.unit, codes, ""
+            for name, parameter in result.parameters.items():
+                ends = parameter.interval95 or ("", "")
+                u = "" if parameter.standard_uncertainty is None else parameter.standard_uncertainty
+                yield log, method, result.status, name, parameter.value, u, *ends, parameter.unit, codes, ""
 
     def to_csv(self) -> str:
         """The table as text with commas; numbers with all their digits."""

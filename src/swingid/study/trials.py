@@ -86,13 +86,13 @@ class Head:
         self,
         method: str,
         quantity: str,
-        found: Parameter | Exception | None,
+        estimate: Parameter | Exception | None,
         status: str = "ok",
         warnings: Iterable[str] = (),
     ) -> Row:
         """A row with a number, with the reason why there is none, or with neither."""
         nothing = dict.fromkeys(("value", "u", "low", "high", "error"), math.nan)
-        code, message = _reason(found) if isinstance(found, Exception) else ("", "")
+        code, message = _reason(estimate) if isinstance(estimate, Exception) else ("", "")
         row = {
             **self.place,
             "method": method,
@@ -106,12 +106,12 @@ class Head:
             "bound": self.bounds.get(quantity, math.nan),
             **asdict(self.loop),
         }
-        if found is None or isinstance(found, Exception):
+        if estimate is None or isinstance(estimate, Exception):
             return row
-        low, high = found.interval95 or (math.nan, math.nan)
-        u = math.nan if found.standard_uncertainty is None else found.standard_uncertainty
-        error = found.value / row["truth"] - 1 if row["truth"] else math.nan
-        return row | {"value": found.value, "u": u, "low": low, "high": high, "error": error}
+        low, high = estimate.interval95 or (math.nan, math.nan)
+        u = math.nan if estimate.standard_uncertainty is None else estimate.standard_uncertainty
+        error = estimate.value / row["truth"] - 1 if row["truth"] else math.nan
+        return row | {"value": estimate.value, "u": u, "low": low, "high": high, "error": error}
 
 
 def rows_of(

@@ -168,11 +168,11 @@ def validate(
     given = [logs] if isinstance(logs, Recording) else list(logs)
     several, predicted = [], []
     for k, log in enumerate(tracked(given)):
-        one = prepare(with_found_gain(log, result, rig), rig)
-        several.append(one)
-        predicted.append(_of_log(one, p, input, one.log.source.path or f"log {k + 1}"))
+        prepared = prepare(with_found_gain(log, result, rig), rig)
+        several.append(prepared)
+        predicted.append(_of_log(prepared, p, input, prepared.log.source.path or f"log {k + 1}"))
     predictions = tuple(predicted)
-    notes = (*_notes(result, [one.log for one in several], rig), *_misfits(predictions))
+    notes = (*_notes(result, [prepared.log for prepared in several], rig), *_misfits(predictions))
     return Validation(result.method, rig.axis.kind == "linear", predictions, notes)
 
 
@@ -237,8 +237,8 @@ def _of_log(prepared: Prepared, p: Array, wanted: Literal["voltage", "wheel"] | 
     return Prediction(name, source, time[mine], measured, free[axis][mine], swing[steps][others], noise.angle)
 
 
-def _outputs(found: shooting.Prediction) -> Array:
-    return found.outputs if found.finite else np.full(len(found.outputs), np.nan)
+def _outputs(prediction: shooting.Prediction) -> Array:
+    return prediction.outputs if prediction.finite else np.full(len(prediction.outputs), np.nan)
 
 
 def _measured_starts(problem: Problem, log: Recording, noise: Noise) -> Array:
@@ -275,35 +275,35 @@ def model_vector(result: Result, rig: Rig) -> Array:
             f"the result is in {result.inertia.unit}, but rig {rig.name} is {kind}; give the rig of the result.",
             code="other-axis",
         )
-    found = {name: parameter.value for name, parameter in result.parameters.items()}
-    changes: dict[str, object] = {"axis.inertia": found["inertia"], "axis.friction": None}
-    if "gravity_torque" in found:
-        changes["axis.gravity_torque"] = found["gravity_torque"]
-    own = _by_key(found, rig)
+    identified = {name: parameter.value for name, parameter in result.parameters.items()}
+    changes: dict[str, object] = {"axis.inertia": identified["inertia"], "axis.friction": None}
+    if "gravity_torque" in identified:
+        changes["axis.gravity_torque"] = identified["gravity_torque"]
+    by_key = _by_key(identified, rig)
     further = {key for term in further_terms() for key in (term.key, term.shift)}
-    changes |= {key: value for key, value in own.items() if key in further and not key.startswith("axis.friction.")}
+    changes |= {key: value for key, value in by_key.items() if key in further and not key.startswith("axis.friction.")}
     values = {key: quantity.value for key, quantity in rig_constants(rig.changed(changes)).items()}
     moved = result.provenance.get("constants_found")
     if isinstance(moved, dict):
         values |= {key: float(value) for key, value in moved.items() if key in values}
     # what a fit finds may lie a little outside what a rig file may state, such as a Coulomb friction below 0
-    values |= own
+    values |= by_key
     return vector(values, rig.drive.channel)
 
 
-def _by_key(found: Mapping[str, float], rig: Rig) -> dict[str, float]:
+def _by_key(values: Mapping[str, float], rig: Rig) -> dict[str, float]:
     """Identified values under the keys of rig.toml. Raises InputError for what the model has no term for."""
     parts = {name for term in further_terms() for name in term.parts}
     of_sensor = (RATE_BIAS,)  # nothing of the body: a log to predict has its own
-    found = {name: value for name, value in found.items() if name not in of_sensor}
-    unknown = [name for name in found if name not in parts and (name not in TERMS or not TERMS[name].key)]
+    values = {name: value for name, value in values.items() if name not in of_sensor}
+    unknown = [name for name in values if name not in parts and (name not in TERMS or not TERMS[name].key)]
     if unknown:
         raise InputError(
             f"the result holds {', '.join(unknown)}, which the model of rig {rig.name} has no term for; give a "
             "result of one log or of several logs of one rig.",
             code="unknown-parameter",
         )
-    return values_by_key(found)
+    return values_by_key(values)
 
 
 def with_found_gain(log: Recording, result: Result, rig: Rig) -> Recording:

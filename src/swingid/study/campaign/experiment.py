@@ -175,7 +175,7 @@ def _positive(settings: Mapping[str, Any], key: str) -> float:
 
 def _angle(value: object, rig: Rig) -> float:
     unit = "rad" if rig.axis.kind == "rotary" else "m"
-    found = parse_quantity(value, unit, "initial_angle")
-    if found.std is not None:
+    angle = parse_quantity(value, unit, "initial_angle")
+    if angle.std is not None:
         raise UsageError("initial_angle takes no uncertainty; give a number", code="uncertainty-unused")
-    return found.value
+    return angle.value

@@ -87,7 +87,7 @@ def _rigs(tables: PlanTables, source: str, folder: Path) -> dict[str, tuple[str,
         if factor.key == "rig":
             names += [str(value) for value in factor.values or ()]
         names += [str(level["rig"]) for level in (factor.levels or {}).values() if "rig" in level]
-    found = {}
+    rigs = {}
     for name in dict.fromkeys(names):
         beside = folder / name
         path = beside if name.lower().endswith(".toml") and beside.is_file() else name
@@ -95,8 +95,8 @@ def _rigs(tables: PlanTables, source: str, folder: Path) -> dict[str, tuple[str,
             rig = Rig.load(path)
         except SwingidError as error:
             raise InputError(f"{source}: rig: {error.message}", code=error.code) from None
-        found[name] = (rig.source, rig.text)
-    return found
+        rigs[name] = (rig.source, rig.text)
+    return rigs
 
 
 def _try_levels(plan: Plan) -> None:

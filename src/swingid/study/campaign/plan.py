@@ -96,9 +96,9 @@ class Plan:
         return replace(self, runs=runs)
 
 
-def differing_key(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+def differing_key(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
     """The first dotted key at which two plain documents differ."""
-    a, b = flattened(one), flattened(other)
+    a, b = flattened(first), flattened(second)
     return next((key for key in sorted(a.keys() | b.keys()) if a.get(key) != b.get(key)), "")
 
 
@@ -163,14 +163,14 @@ def _sampled(plan: PlanTables) -> list[Point]:
     shares = unit_points(plan.design, plan.points, len(plan.factors), design_seed(plan.seed))
     points = []
     for row in shares:
-        own = []
+        columns = []
         for share, (name, factor) in zip(row, plan.factors.items(), strict=True):
             if factor.listed:
                 levels = levels_of(name, factor)
-                own.append(levels[min(int(share * len(levels)), len(levels) - 1)])
+                columns.append(levels[min(int(share * len(levels)), len(levels) - 1)])
             else:
-                own.append(_one(name, factor, _within(factor, float(share))))
-        points.append(_joined(own))
+                columns.append(_one(name, factor, _within(factor, float(share))))
+        points.append(_joined(columns))
     return points
 
 
@@ -182,8 +182,8 @@ def unit_points(design: str, count: int, dimensions: int, seed: np.random.SeedSe
     from scipy.stats import qmc
 
     if design == "latin-hypercube":
-        found: Array = qmc.LatinHypercube(dimensions, rng=generator).random(count)
-        return found
+        points: Array = qmc.LatinHypercube(dimensions, rng=generator).random(count)
+        return points
     # Sobol's points are balanced in powers of two; the first `count` of the next power
     sobol = qmc.Sobol(dimensions, scramble=True, rng=generator)
     drawn: Array = sobol.random_base2(max(0, math.ceil(math.log2(count))))

@@ -100,15 +100,15 @@ def _one(plan: Plan, block: int) -> Done:
 def _by_processes(plan: Plan, blocks: Sequence[int], count: int) -> Iterator[Done]:
     from concurrent.futures import as_completed  # which takes long to import
 
-    left = dict.fromkeys(blocks)
+    remaining = dict.fromkeys(blocks)
     for attempt in range(MOST_LOST):
         try:
             with worker_pool(count) as pool:
                 with interruption_waits():
-                    done = as_completed([pool.submit(_one, plan, block) for block in left])
+                    done = as_completed([pool.submit(_one, plan, block) for block in remaining])
                 for future in done:
                     block, rows = future.result()
-                    del left[block]
+                    del remaining[block]
                     yield block, rows
             return
         except InputError as error:
@@ -149,13 +149,13 @@ def _by_dask(plan: Plan, blocks: Sequence[int], scheduler: str) -> Iterator[Done
 def _check_versions(client: Any) -> None:
     """Raise InputError for workers with another swingid, whose numbers could differ."""
     try:
-        found = client.run(made_by)
+        by_worker = client.run(made_by)
     except Exception as error:
         raise InputError(
             f"a worker of the cluster cannot import swingid ({type(error).__name__}); install it there",
             code="no-swingid",
         ) from None
-    for address, there in found.items():
+    for address, there in by_worker.items():
         if there != made_by():
             raise InputError(
                 f"worker {address} has another version of swingid ({there.get('swingid')}, code {there.get('code')}); "

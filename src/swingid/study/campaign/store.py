@@ -130,15 +130,15 @@ class Store:
         path = self.folder / RESULTS
         if not path.is_file():
             raise InputError(f"{path} does not exist; run the campaign to its end", code="missing-file")
-        found = _read(path, "remove it and start again, it is put together from the parts")
-        missing = [name for name in self._schema().names if name not in found.column_names]
+        table = _read(path, "remove it and start again, it is put together from the parts")
+        missing = [name for name in self._schema().names if name not in table.column_names]
         if missing:
             raise InputError(
                 f"{path} has no column {missing[0]}: another version of swingid wrote it; use that, or give another "
                 "folder with --out",
                 code="other-version",
             )
-        return found
+        return table
 
     def _part(self, block: int) -> Path:
         return self.parts / f"part-{block:06d}.parquet"

@@ -119,9 +119,9 @@ def _width(answers: Answers) -> float:
     """Median half-width over the root mean square of the errors."""
     widths = np.full(len(answers.value), np.nan)
     for point in np.unique(answers.point):
-        own = (answers.point == point) & np.isfinite(answers.half_width)
-        if own.any():
-            widths[own] = np.median(answers.half_width[own])
+        of_point = (answers.point == point) & np.isfinite(answers.half_width)
+        if of_point.any():
+            widths[of_point] = np.median(answers.half_width[of_point])
     shares = ((answers.value - answers.truth) / widths)[widths > 0]
     size = float(np.mean(shares**2)) if len(shares) else 0.0
     return size**-0.5 if size > 0 else float("nan")
@@ -296,17 +296,17 @@ def answers_in(columns: Mapping[str, NDArray[Any]], rows: Bools) -> Answers:
 def _cell_of(
     columns: Mapping[str, NDArray[Any]], method: str, quantity: str, rows: Bools, factor: str = "", level: str = ""
 ) -> Cell:
-    own = rows & (columns["method"] == method) & (columns["quantity"] == quantity)
-    return Cell(method, quantity, factor, level, statistics_of(answers_in(columns, own), method))
+    of_cell = rows & (columns["method"] == method) & (columns["quantity"] == quantity)
+    return Cell(method, quantity, factor, level, statistics_of(answers_in(columns, of_cell), method))
 
 
 def _effects(cells: Sequence[Cell], pairs: Sequence[tuple[str, str]]) -> Iterator[Effect]:
     """Return for each factor and method the levels with the lowest and highest bias and the largest RMSE."""
     for method, quantity in pairs:
-        own = [c for c in cells if (c.method, c.quantity) == (method, quantity) and c.statistics.answered]
-        for factor in dict.fromkeys(c.factor for c in own):
-            biases = [(c.statistics.bias[0], c.level) for c in own if c.factor == factor]
-            sizes = [(c.statistics.rmse[0], c.level) for c in own if c.factor == factor]
+        answered = [c for c in cells if (c.method, c.quantity) == (method, quantity) and c.statistics.answered]
+        for factor in dict.fromkeys(c.factor for c in answered):
+            biases = [(c.statistics.bias[0], c.level) for c in answered if c.factor == factor]
+            sizes = [(c.statistics.rmse[0], c.level) for c in answered if c.factor == factor]
             yield Effect(method, quantity, factor, min(biases), max(biases), max(sizes))
 
 
@@ -322,13 +322,13 @@ NAMES = {"half_width": "median_half_width", "width": "half_width_over_rmse"}
 
 def _cell(cell: Cell) -> dict[str, Any]:
     """Method, quantity, level and statistics, each of these that has a standard error with it."""
-    found: dict[str, Any] = {"method": cell.method, "quantity": cell.quantity}
+    values: dict[str, Any] = {"method": cell.method, "quantity": cell.quantity}
     if cell.factor:
-        found |= {"factor": cell.factor, "level": cell.level}
+        values |= {"factor": cell.factor, "level": cell.level}
     for field_name, value in vars(cell.statistics).items():
         name = NAMES.get(field_name, field_name)
-        found |= {name: value[0], f"{name}_standard_error": value[1]} if isinstance(value, tuple) else {name: value}
-    return found
+        values |= {name: value[0], f"{name}_standard_error": value[1]} if isinstance(value, tuple) else {name: value}
+    return values
 
 
 def cell_name(cell: Cell) -> str:

@@ -121,13 +121,13 @@ def _rows_together(plan: Plan, point: int, trials: list[int]) -> list[Row]:
             half = len(trials) // 2
             return _rows_together(plan, point, trials[:half]) + _rows_together(plan, point, trials[half:])
         return [head_of(plan, trials[0]).row(name, "inertia", error, FAILED) for name in names]
-    found = [_estimates(method, runs, experiment, chosen) for _, method, _ in experiment.methods]
+    estimated = [_estimates(method, runs, experiment, chosen) for _, method, _ in experiment.methods]
     rows = []
     for k, trial in enumerate(trials):
         truth = {"inertia": _inertia(experiment, seeds[k])}
         bounds = bounds_of(plan, experiment, runs.recording(k)) if plan.tables.bound else {}
         head = replace(head_of(plan, trial), truth=truth, bounds=bounds)
-        rows += [_row(head, name, estimates, k) for name, estimates in zip(names, found, strict=True)]
+        rows += [_row(head, name, estimates, k) for name, estimates in zip(names, estimated, strict=True)]
     return rows
 
 

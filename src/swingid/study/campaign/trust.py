@@ -60,10 +60,10 @@ class Trust:
 def trust_of(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[dict[str, Any]]:
     """Counts at each level of each factor with faults, for each method; plain data."""
     return [
-        {"factor": factor, "level": str(level), "method": method, **asdict(Trust.of(columns, rows & own))}
+        {"factor": factor, "level": str(level), "method": method, **asdict(Trust.of(columns, rows & of_method))}
         for factor in fault_factors(plan)
         for level, rows in _levels(columns, factor).items()
-        for method, own in _levels(columns, "method").items()
+        for method, of_method in _levels(columns, "method").items()
     ]
 
 
@@ -90,8 +90,8 @@ def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[Table]
 
 
 def _row(name: str, columns: Mapping[str, NDArray[Any]], rows: Bools, methods: Mapping[str, Bools]) -> tuple[str, ...]:
-    own = [Trust.of(columns, rows & method) for method in methods.values()]
-    return (name, *Trust.of(columns, rows).cells(), *(f"{t.wrong} of {t.ok}" for t in own))
+    by_method = [Trust.of(columns, rows & method) for method in methods.values()]
+    return (name, *Trust.of(columns, rows).cells(), *(f"{t.wrong} of {t.ok}" for t in by_method))
 
 
 def fault_factors(plan: Plan) -> list[str]:

@@ -127,8 +127,8 @@ class Comparison(Study):
         trials = self.of(log)
         by: dict[Message, list[str]] = {}
         for trial in trials:
-            own = (trial.result.error,) if trial.result.error is not None else trial.result.warnings
-            for message in dict.fromkeys(own):
+            messages = (trial.result.error,) if trial.result.error is not None else trial.result.warnings
+            for message in dict.fromkeys(messages):
                 by.setdefault(message, []).append(trial.method)
         everyone = len(trials) if len(trials) > 1 else 2
         return [("all methods" if len(who) == everyone else ", ".join(who), m) for m, who in by.items()]
@@ -210,7 +210,7 @@ def _warned(trial: Trial, before: Sequence[Trial]) -> Result:
     """
     for other in before:
         pair = (trial.result, other.result)
-        if other.log != trial.log or any(one.status != "ok" for one in pair):
+        if other.log != trial.log or any(trial_of_pair.status != "ok" for trial_of_pair in pair):
             continue
         if overlapping(trial.result.main, other.result.main) > 0:
             text = (
@@ -314,8 +314,8 @@ def deviation(a: Result, b: Result) -> float | None:
 
 def _matters(a: Result, b: Result) -> bool:
     """Return whether the difference is a good part of what either is uncertain by anyway."""
-    own = min(a.main.standard_uncertainty or 0.0, b.main.standard_uncertainty or 0.0)
-    return abs(a.main.value - b.main.value) > MATTERS * own
+    u = min(a.main.standard_uncertainty or 0.0, b.main.standard_uncertainty or 0.0)
+    return abs(a.main.value - b.main.value) > MATTERS * u
 
 
 def _source(run: str) -> Identity:
@@ -361,7 +361,7 @@ def tables_of(trials: Sequence[Trial], *, fine: bool = False) -> tuple[Table, Ta
     answers = Table(tuple(columns), tuple(_answer(trial, fine=fine)[: len(columns)] for trial in trials))
     friction = Table(
         (columns[0], Column("depends on"), Column("friction (95 %)", "text")),
-        tuple((one.method, one.assumptions.words(), _friction(one.result, fine=fine)) for one in trials),
+        tuple((trial.method, trial.assumptions.words(), _friction(trial.result, fine=fine)) for trial in trials),
     )
     return answers, friction
 
@@ -385,8 +385,8 @@ def _friction(result: Result, *, fine: bool) -> str:
     """The identified friction parameters with their 95 % intervals: 'viscous (1.144 ± 0.012)e-3 N m s, coulomb …'."""
     others = ("inertia", "gravity_torque", result.leading)
     friction = [
-        f"{name} {value_and_reach(found, fine=fine)}"
-        for name, found in result.parameters.items()
+        f"{name} {value_and_reach(parameter, fine=fine)}"
+        for name, parameter in result.parameters.items()
         if name not in others and "." not in name
     ]
     return ", ".join(item.replace(" ", NO_BREAK) for item in friction) or "none"

@@ -156,7 +156,7 @@ def _kept_error(motion: Sine | Multisine, rig: Rig) -> float:
 
 def _look(motions: list[Sine | Multisine], task: Task) -> list[tuple[Sine | Multisine, Proposal]]:
     """Every motion over one and the same used time; those near resonance and those without an answer are left out."""
-    found = []
+    proposals = []
     for motion in motions:
         stepped()
         used = min(max(LOOK, _fewest_swings(motion)), task.duration - task.settling)
@@ -165,8 +165,8 @@ def _look(motions: list[Sine | Multisine], task: Task) -> list[tuple[Sine | Mult
         except UnanswerableError:
             continue
         if proposal.prediction.gravity_sensitivity <= MOST_GRAVITY and math.isfinite(proposal.relative):
-            found.append((motion, proposal))
-    return found
+            proposals.append((motion, proposal))
+    return proposals
 
 
 def _fewest_swings(motion: Sine | Multisine) -> float:
@@ -178,8 +178,8 @@ def _work_out(looked: list[tuple[Sine | Multisine, Proposal]], task: Task) -> tu
     """The best candidates with the time they need, shortest first, and those that do not reach it."""
 
     def needed(proposal: Proposal) -> tuple[float, float]:
-        left = task.share**2 - proposal.prediction.part("B") ** 2
-        share = proposal.prediction.part("A") ** 2 / left if left > 0 else math.inf
+        remaining = task.share**2 - proposal.prediction.part("B") ** 2
+        share = proposal.prediction.part("A") ** 2 / remaining if remaining > 0 else math.inf
         used = proposal.duration - proposal.settling
         return max(share * used, min(LOOK, used) / 2), proposal.relative
 
@@ -222,10 +222,10 @@ def _why_not(reached: list[Proposal], missed: list[Proposal], wanted: float, dur
     )
     if worst.type == "A":
         return f"{head}; allow more than {duration:g} s or larger swings, or read the angle more finely."
-    left = wanted**2 - (combined(entries[1:], "inertia") / value) ** 2
-    if left <= 0:
+    remaining = wanted**2 - (combined(entries[1:], "inertia") / value) ** 2
+    if remaining <= 0:
         return f"{head} and {entries[1].source} {percent(entries[1].standard_uncertainty / value)}; know both better."
-    return f"{head}; know it to {percent(math.sqrt(left) / share)} of the uncertainty that rig.toml states."
+    return f"{head}; know it to {percent(math.sqrt(remaining) / share)} of the uncertainty that rig.toml states."
 
 
 def _notes(rig: Rig, trial: Trial | None) -> list[str]:

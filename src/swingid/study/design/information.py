@@ -107,9 +107,9 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
     for item, effect in zip(items, effects.T, strict=True):
         declared.append(item.on(effect[:count] / item.std))
     noise_of = Scatter("sensor noise and resolution", covariance[:count, :count], np.full(count, np.inf))
-    found = evaluate(values, noise_of, (), declared, relative=rig.axis.model_uncertainty)
+    evaluated = evaluate(values, noise_of, (), declared, relative=rig.axis.model_uncertainty)
     sensitivity = abs(float(influence[0] @ rows["gravity_torque"])) * gravity / a11
-    return Prediction(found.parameters, tuple(found.budget), half, sensitivity, seen)
+    return Prediction(evaluated.parameters, tuple(evaluated.budget), half, sensitivity, seen)
 
 
 def _fit(columns: Array, items: list[RowError], row_noise: float) -> tuple[Array, Array]:
@@ -118,16 +118,18 @@ def _fit(columns: Array, items: list[RowError], row_noise: float) -> tuple[Array
     Encoder nonlinearities join the unknowns with their standard deviation as prior, as in the method.
     """
     unknowns = columns.shape[1]
-    own = [k for k, item in enumerate(items) if item.of.fitted]
-    amplitudes = -np.column_stack([items[k].rows * items[k].std for k in own]) if own else np.empty((len(columns), 0))
-    prior = np.hstack([np.zeros((len(own), unknowns)), max(row_noise, 1e-12) * np.eye(len(own))])
+    fitted = [k for k, item in enumerate(items) if item.of.fitted]
+    amplitudes = (
+        -np.column_stack([items[k].rows * items[k].std for k in fitted]) if fitted else np.empty((len(columns), 0))
+    )
+    prior = np.hstack([np.zeros((len(fitted), unknowns)), max(row_noise, 1e-12) * np.eye(len(fitted))])
     matrix = np.vstack([np.hstack([columns, amplitudes]), prior])
     whole = fit_linear(matrix, np.zeros(len(matrix))).influence[:unknowns]
     influence = whole[:, : len(columns)]
     effects = (
         np.column_stack([influence @ item.rows * item.std for item in items]) if items else np.empty((unknowns, 0))
     )
-    for place, k in enumerate(own):
+    for place, k in enumerate(fitted):
         effects[:, k] = whole[:, len(columns) + place] * row_noise
     return influence, effects
 

@@ -164,14 +164,14 @@ def candidates(rig: Rig, limits: Limits, natural: float, slowest: float) -> list
     natural: frequency of the free swing (rad/s); slowest: the slowest allowed by the length of the run.
     """
     unit = "rad" if rig.axis.kind == "rotary" else "m"
-    found: list[Sine | Multisine] = []
+    motions: list[Sine | Multisine] = []
     for frequencies in _frequencies(natural, slowest):
         for share in SHARES:
             motion = _motion(frequencies, share * limits.angle, unit)
             if limits.kept(course_of(rig, motion, 8.0, ROUGH).peaks):
-                found.append(motion)
+                motions.append(motion)
                 break
-    return found
+    return motions
 
 
 def _frequencies(natural: float, slowest: float) -> Iterator[tuple[float, ...]]:

@@ -237,12 +237,12 @@ def soft_base(scene: Scene, frequency: float) -> Array:
     omega, step = 2 * np.pi * frequency, float(np.median(np.diff(scene.time)))
     pull = -(scene.acceleration * np.cos(scene.angle) - scene.speed**2 * np.sin(scene.angle))
     place, speed = float(pull[0]) / omega**2, 0.0
-    found = np.empty_like(pull)
+    torque = np.empty_like(pull)
     for k, force in enumerate(pull):
-        found[k] = force - 0.1 * omega * speed - omega**2 * place
-        speed += step * found[k]
+        torque[k] = force - 0.1 * omega * speed - omega**2 * place
+        speed += step * torque[k]
         place += step * speed
-    return np.asarray(-0.01 * scene.rig.axis.inertia.value * found * np.cos(scene.angle))
+    return np.asarray(-0.01 * scene.rig.axis.inertia.value * torque * np.cos(scene.angle))
 
 
 def rolling_base(scene: Scene, share: float) -> Array:
@@ -268,8 +268,8 @@ def running_in(scene: Scene, share: float) -> Array:
     """
     coulomb = scene.rig.axis.friction.coulomb
     level = 0.01 * scene.scale if coulomb is None else coulomb.value
-    left = share * scene.progress - (1.0 if coulomb is None else 0.0)
-    return np.asarray(level * left * np.tanh(scene.speed / 0.02))
+    remaining = share * scene.progress - (1.0 if coulomb is None else 0.0)
+    return np.asarray(level * remaining * np.tanh(scene.speed / 0.02))
 
 
 def push(length: float) -> Torque:

@@ -69,8 +69,8 @@ class FaultyExperiment(Experiment):
         torques = [(d.fault.torque, d.severity) for d in self.faults if d.fault.torque is not None]
         held, change = np.zeros(len(true.time)), 0.0
         for _ in range(MOST_RUNS if torques else 0):
-            found = sum((torque(scene, severity) for torque, severity in torques), np.zeros(len(held)))
-            before, held = held, np.append((found[1:] + found[:-1]) / 2, found[-1:])  # held from row to row
+            total = sum((torque(scene, severity) for torque, severity in torques), np.zeros(len(held)))
+            before, held = held, np.append((total[1:] + total[:-1]) / 2, total[-1:])  # held from row to row
             change = float(np.max(np.abs(held - before)) / max(float(np.max(np.abs(held))), 1e-300))
             if change < SETTLED:
                 break

@@ -78,13 +78,13 @@ class Channel:
 
 def check_channels(channels: list[Channel], log: Recording | None, declared: Mapping[str, float]) -> list[Check]:
     """The checks of every channel. declared: step in SI units by channel, as the rig file states it."""
-    found: list[Check] = []
+    checks: list[Check] = []
     for channel in channels:
         values = getattr(log, channel.role, None) if log is not None else None
-        found += _one(channel, log, values, declared.get(channel.role, 0.0))
+        checks += _one(channel, log, values, declared.get(channel.role, 0.0))
     if log is not None:
-        found += _on_reading(log)
-    return found
+        checks += _on_reading(log)
+    return checks
 
 
 def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, declared: float) -> Iterator[Check]:
@@ -168,5 +168,5 @@ def _on_reading(log: Recording) -> Iterator[Check]:
         level, remedy = USER.get(finding.code, ("note", "")) if finding.level == "warning" else ("note", "")
         if finding.code == "wheel-still" and log.wheel_angle is not None and np.ptp(log.wheel_angle) == 0:
             continue
-        own = OWN.get(finding.repair or "") if finding.code != OFF else None
-        yield Check(finding.code, "on reading", level, finding.message, remedy, own=own)
+        repair = OWN.get(finding.repair or "") if finding.code != OFF else None
+        yield Check(finding.code, "on reading", level, finding.message, remedy, own=repair)

@@ -43,14 +43,14 @@ def read(
     columns: of the table by name, whose steps show units; None where the rig is a guess that is not to be changed.
     """
     tried: dict[str, object] = {}
-    found: list[Check] = []
+    mended_by: list[Check] = []
     if columns is not None:
         for changes, checks in (unit_of_clock(table, rig, columns), units_by_steps(table, rig, columns)):
             tried |= changes
-            found += checks
+            mended_by += checks
         rig = rig.changed(tried) if tried else rig
     try:
-        return Recording.from_table(table, rig, source), rig, tried, found
+        return Recording.from_table(table, rig, source), rig, tried, mended_by
     except SwingidError as error:
         failed = error
     mended = columns is not None and failed.code == "implausible-angle"
@@ -62,8 +62,8 @@ def read(
             continue
         remedy = f"set {words(changes)} under [log]"
         check = Check(failed.code, "on reading", "repair", without_path(failed, source), remedy)
-        return log, other, tried | changes, [*found, check]
-    return None, rig, tried, [*found, Check(failed.code, "on reading", "fault", without_path(failed, source), "")]
+        return log, other, tried | changes, [*mended_by, check]
+    return None, rig, tried, [*mended_by, Check(failed.code, "on reading", "fault", without_path(failed, source), "")]
 
 
 def unit_of_clock(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tuple[dict[str, object], list[Check]]:
@@ -91,7 +91,7 @@ def unit_of_clock(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tupl
 def units_by_steps(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tuple[dict[str, object], list[Check]]:
     """Changes of [log] where the steps of an angle are those of the rig's encoder in another unit than stated."""
     changes: dict[str, object] = {}
-    found = []
+    units = []
     if rig.axis.kind == "linear":
         return {}, []
     for channel, word in (("angle", "angle"), ("wheel_angle", "wheel angle")):
@@ -113,9 +113,9 @@ def units_by_steps(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tup
         text += f" {expected:.0f} in a turn, {whose}, and {counts[used]:.6g} in {used}."
         remedy = f'set {channel}_unit = "{fitting[0]}" under [log]'
         change: dict[str, object] = {f"log.{channel}_unit": fitting[0]}
-        found.append(Check("units", "units", "repair", text, remedy, {"changes": change}))
+        units.append(Check("units", "units", "repair", text, remedy, {"changes": change}))
         changes |= change
-    return changes, found
+    return changes, units
 
 
 def _other_units(rig: Rig, channel: str) -> list[dict[str, object]]:
@@ -215,7 +215,7 @@ def _other_signs(rig: Rig) -> list[dict[str, object]]:
     if rig.axis.kind == "linear" or not isinstance(rig.log.angle_zero, str):
         return turned
     other: dict[str, object] = {"log.angle_zero": "down" if rig.log.angle_zero == "up" else "up"}
-    return [*turned, other, *({**one, **other} for one in turned)]
+    return [*turned, other, *({**changes, **other} for changes in turned)]
 
 
 def _unread(error: SwingidError, source: Source) -> Check:

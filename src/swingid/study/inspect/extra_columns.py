@@ -84,18 +84,18 @@ def extras(fits: list[WindowFit], signals: Signals, turn: float) -> dict[str, Ex
     uncertainty, for what the friction basis does not describe depends on the length. turn: of the wheel per turn of its
     encoder.
     """
-    found: dict[str, list[tuple[float, float]]] = {}
+    by_name: dict[str, list[tuple[float, float]]] = {}
     priors: dict[str, float] = {}
     for fit in fits:
-        for one in _fitted(fit, signals, turn):
-            found.setdefault(one.name, []).append((one.uncertainty, one.value))
-            priors[one.name] = one.prior
-    return {name: pooled(name, sorted(several), priors[name]) for name, several in found.items()}
+        for extra in _fitted(fit, signals, turn):
+            by_name.setdefault(extra.name, []).append((extra.uncertainty, extra.value))
+            priors[extra.name] = extra.prior
+    return {name: pooled(name, sorted(several), priors[name]) for name, several in by_name.items()}
 
 
-def amplitude(found: dict[str, Extra], which: str) -> tuple[float, float, bool]:
+def amplitude(extras: dict[str, Extra], which: str) -> tuple[float, float, bool]:
     """Amplitude of α cos + β sin of an encoder ("wheel 1"), standard uncertainty (rad), whether it is identifiable."""
-    cosine, sine = found[f"{which} cosine"], found[f"{which} sine"]
+    cosine, sine = extras[f"{which} cosine"], extras[f"{which} sine"]
     size = float(np.hypot(cosine.value, sine.value))
     power = (cosine.value * cosine.uncertainty) ** 2 + (sine.value * sine.uncertainty) ** 2
     both = float(np.hypot(cosine.uncertainty, sine.uncertainty) / np.sqrt(2))
@@ -117,21 +117,21 @@ def _fitted(fit: WindowFit, signals: Signals, turn: float) -> Iterator[Extra]:
 
 def _columns(fit: WindowFit, signals: Signals, turn: float) -> dict[str, tuple[float, Array]]:
     """Prior standard deviation and column of every small quantity of this rig, by name."""
-    found, rows, values = {}, fit.rows, fit.coefficients
+    by_name, rows, values = {}, fit.rows, fit.coefficients
     if signals.wheel is not None or signals.torque is not None:
-        found["latency"] = PRIOR_LATENCY, late_error(rows, signals, values)
+        by_name["latency"] = PRIOR_LATENCY, late_error(rows, signals, values)
     wheel = None if signals.wheel is None else signals.wheel / turn
     for channel, angle in (("wheel", wheel), ("angle", None if signals.linear else signals.angle)):
         if angle is None:
             continue
         if channel == "angle" and fit.value("gravity_torque"):
-            found["zero"] = PRIOR_ZERO, _zero_column(fit, signals)
+            by_name["zero"] = PRIOR_ZERO, _zero_column(fit, signals)
         # nonlinearity once and twice per turn
         shapes = ((k, name, of(k * angle)) for k in (1, 2) for name, of in (("cosine", np.cos), ("sine", np.sin)))
         waves = {f"{channel} {k} {name}": shape for k, name, shape in shapes}
-        columns = shaped_errors(rows, signals, channel, waves.values(), values)
-        found |= {name: (PRIOR_ENCODER, column) for name, column in zip(waves, columns.T, strict=True)}
-    return found
+        effects = shaped_errors(rows, signals, channel, waves.values(), values)
+        by_name |= {name: (PRIOR_ENCODER, column) for name, column in zip(waves, effects.T, strict=True)}
+    return by_name
 
 
 def _zero_column(fit: WindowFit, signals: Signals) -> Array:
@@ -145,18 +145,18 @@ def zero_of(fits: list[WindowFit], signals: Signals) -> Extra | None:
     """
     if not fits[0].equation.value("gravity_torque") or signals.linear:
         return None
-    found = []
+    zeros = []
     for fit in fits:
         solved = fit_linear(np.column_stack([fit.columns, _zero_column(fit, signals)]), fit.known)
-        found.append((float(np.sqrt(solved.covariance(LAG)[-1, -1])), float(solved.values[-1])))
-    found.sort()
-    return pooled("zero", found, PRIOR_ZERO)
+        zeros.append((float(np.sqrt(solved.covariance(LAG)[-1, -1])), float(solved.values[-1])))
+    zeros.sort()
+    return pooled("zero", zeros, PRIOR_ZERO)
 
 
-def pooled(name: str, found: list[tuple[float, float]], prior: float) -> Extra:
+def pooled(name: str, estimates: list[tuple[float, float]], prior: float) -> Extra:
     """The most certain of (uncertainty, value), sorted, and how far the others that are not much worse lie from it."""
-    best, value = found[0]
-    others = np.array([v for u, v in found if u < SHARP * best])
+    best, value = estimates[0]
+    others = np.array([v for u, v in estimates if u < SHARP * best])
     return Extra(name, value, float(np.hypot(best, np.sqrt(np.mean((others - value) ** 2)))), prior)
 
 
@@ -180,18 +180,18 @@ def voltage_latency(
     if len(wheel.windows) < FEWEST:
         return None
     inertial, _ = wheel.inertial(values[at.COUPLING])
-    late, found = signals.encoders.angle.latency.value, 0.0
+    late, latency = signals.encoders.angle.latency.value, 0.0
     for _ in range(STEPS):
-        voltage = wheel.voltage(held=log.drive_held, late=late + found)
+        voltage = wheel.voltage(held=log.drive_held, late=late + latency)
         driven, *free = turns * at.right_side(values, voltage, wheel.rate, np.sign(wheel.rate))
         columns = wheel.integrals(np.stack([resting + driven, *free]))
         active = (at.branches(values, voltage, wheel.rate) != 0.0) * turns
-        steps = values[at.GAIN] * _steps(log, late + found, active, wheel.windows)
+        steps = values[at.GAIN] * _steps(log, late + latency, active, wheel.windows)
         solved = fit_linear(np.column_stack([steps, columns[:, 1:]]), inertial - columns[:, 0])
-        found += float(solved.values[0])
+        latency += float(solved.values[0])
     if float(np.std(solved.residuals)) > GOOD * float(np.std(inertial)):
         return None
-    return found, float(np.sqrt(solved.covariance(LAG)[0, 0]))
+    return latency, float(np.sqrt(solved.covariance(LAG)[0, 0]))
 
 
 def _about_rests(wheel: WheelRows) -> Array:

@@ -165,9 +165,9 @@ def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
 def _of_first_rows(path: str | Path, rig: Rig | None) -> Inspection:
     """Inspect the first rows of a large log."""
     table = first_rows(path)
-    found = inspect_table(table, rig, Source(str(path), sha256_of(path)), whole=False)
-    text = f"the log has {rows_in(path)} rows, of which the first {found.rows} were looked at."
-    return replace(found, checks=(Check("first-rows", "rows", "note", text), *found.checks))
+    inspection = inspect_table(table, rig, Source(str(path), sha256_of(path)), whole=False)
+    text = f"the log has {rows_in(path)} rows, of which the first {inspection.rows} were looked at."
+    return replace(inspection, checks=(Check("first-rows", "rows", "note", text), *inspection.checks))
 
 
 def inspect_table(
@@ -201,7 +201,7 @@ def inspect_table(
         checks = [*units, *checks, *(_with_guess(check, roles) for check in more if check not in units)]
     elif not roles.has_motion:  # else the clock is missing, which its check reports
         checks.append(_no_angle(roles))
-    found = Inspection(
+    inspection = Inspection(
         path=source.path or "the table",
         sha256=source.sha256 or "",
         rows=rows,
@@ -215,40 +215,46 @@ def inspect_table(
         tried=tried,
     )
     if reader is None or rows < FEWEST_ROWS:
-        return found
-    found = _with_motion(found, table, reader, source, by_name)
-    return _as_identified(found, table, rig, source) if rig is not None and whole else found
+        return inspection
+    inspection = _with_motion(inspection, table, reader, source, by_name)
+    return _as_identified(inspection, table, rig, source) if rig is not None and whole else inspection
 
 
-def _as_identified(found: Inspection, table: Table, rig: Rig, source: Source) -> Inspection:
+def _as_identified(inspection: Inspection, table: Table, rig: Rig, source: Source) -> Inspection:
     """The inspection of a log that seems ready, or lacks swings only, with the verdict that `identify` comes to."""
-    faults = [check for check in found.checks if check.level == "fault"]
-    if found.verdict.status == "repairs" or found.log is None or any(check.title != "motion" for check in faults):
-        return found
+    faults = [check for check in inspection.checks if check.level == "fault"]
+    if (
+        inspection.verdict.status == "repairs"
+        or inspection.log is None
+        or any(check.title != "motion" for check in faults)
+    ):
+        return inspection
     try:
         identify(Recording.from_table(table, rig, source), rig)
     except SwingidError as error:
         refused = Check(error.code, "identify", "fault", without_path(error, source), "")
-        return found if faults else replace(found, checks=(*found.checks, refused))
-    checks = (replace(check, level="advice") if check in faults else check for check in found.checks)
-    return replace(found, checks=tuple(checks))
+        return inspection if faults else replace(inspection, checks=(*inspection.checks, refused))
+    checks = (replace(check, level="advice") if check in faults else check for check in inspection.checks)
+    return replace(inspection, checks=tuple(checks))
 
 
 def _with_motion(
-    found: Inspection, table: Table, reader: Rig, source: Source, columns: Mapping[str, Column]
+    inspection: Inspection, table: Table, reader: Rig, source: Source, columns: Mapping[str, Column]
 ) -> Inspection:
     """The inspection with the checks of channels, motion and balance as `reader` reads them."""
-    rig, log = found.rig, found.log
+    rig, log = inspection.rig, inspection.log
     if log is None:
-        return replace(found, checks=(*found.checks, *_seen(table, reader, columns, None, declared=rig is not None)))
+        return replace(
+            inspection, checks=(*inspection.checks, *_seen(table, reader, columns, None, declared=rig is not None))
+        )
     if rig is not None:
         log = without_pushes(log, reader)
     seen = _seen(table, reader, columns, log, declared=rig is not None)
-    drive = CHANNELS.get(found.roles.drive) if rig is None else reader.drive.channel
+    drive = CHANNELS.get(inspection.roles.drive) if rig is None else reader.drive.channel
     swings, moves = read_motion(log, channel_noise(log, reader), drive, linear=reader.axis.kind == "linear", rig=rig)
     served = tuple(services(log, swings, drive, rig))
-    tried = dict(found.tried)
-    wrong = any(check.level == "fault" or check.code == "slow-rows" for check in (*found.checks, *seen))
+    tried = dict(inspection.tried)
+    wrong = any(check.level == "fault" or check.code == "slow-rows" for check in (*inspection.checks, *seen))
     if rig is not None and rig.drive.channel == "voltage":
         moves.append(not_checked(rig))
     elif rig is not None and swings is not None and not wrong:
@@ -258,8 +264,8 @@ def _with_motion(
             log = without_pushes(log, changed)
             rig, seen = changed, _seen(table, changed, columns, log, declared=True)
         moves += more
-    checks = (*found.checks, *seen, *moves)
-    return replace(found, checks=checks, services=served, rig=rig, log=log, swings=swings, tried=tried)
+    checks = (*inspection.checks, *seen, *moves)
+    return replace(inspection, checks=checks, services=served, rig=rig, log=log, swings=swings, tried=tried)
 
 
 def _no_angle(roles: Roles) -> Check:
@@ -293,8 +299,8 @@ def _clock(
             return None, []  # the check of reading names the missing column
         text = "no column rises as a clock does"
         return None, [Check("no-time", "rate", "fault", text, "state [log] rate, rows per second", {"rows": rows})]
-    own = [column for column in columns.values() if len(column.values) == len(stamps)]
-    clock = read_clock(stamps, own)
+    whole = [column for column in columns.values() if len(column.values) == len(stamps)]
+    clock = read_clock(stamps, whole)
     return clock, check_clock(clock, f"column {name!r}" if rate is None else name)
 
 
@@ -321,7 +327,7 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
         conventions, _ = with_header_units(table, rig, "the log")
     except SwingidError:
         conventions = Conventions.of(rig)
-    found = []
+    channels = []
     linear = rig.axis.kind == "linear"
     for role in conventions.channels:
         name = table.find(conventions.columns.get(role, ""))
@@ -337,8 +343,8 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
         factor = scale.factor if scale is not None else 1.0
         if role == "wheel_angle":
             factor /= rig.log.wheel_scale.value  # of the encoder, whose steps are looked at
-        found.append(Channel(role, column, factor, units[role]))
-    return found
+        channels.append(Channel(role, column, factor, units[role]))
+    return channels
 
 
 def wrapped(check: Check) -> list[str]:
@@ -350,19 +356,19 @@ def wrapped(check: Check) -> list[str]:
     return [head + body[0], *(" " * len(head) + line for line in body[1:])]
 
 
-def columns_table(found: Inspection) -> list[tuple[str, str, str, str, str, str]]:
+def columns_table(inspection: Inspection) -> list[tuple[str, str, str, str, str, str]]:
     """Cells per column: name, what it seems to be, type, unit, range, first values."""
-    named = {role.column: name for name, role in found.roles.found.items()}
+    named = {role.column: name for name, role in inspection.roles.found.items()}
     return [
         (
             column.name,
-            named.get(column.name, found.roles.others.get(column.name, "")).replace("_", " "),
+            named.get(column.name, inspection.roles.others.get(column.name, "")).replace("_", " "),
             column.kind,
             column.unit,
             range_of(column),
             ", ".join(column.first),
         )
-        for column in found.columns
+        for column in inspection.columns
     ]
 
 
@@ -378,7 +384,7 @@ def range_of(column: Column) -> str:
     return text + (f", {column.outliers} far outside" if column.outliers else "")
 
 
-def _columns(found: Inspection) -> list[str]:
-    rows = [("column", "seems to be", "type", "unit", "range", "first values"), *columns_table(found)]
+def _columns(inspection: Inspection) -> list[str]:
+    rows = [("column", "seems to be", "type", "unit", "range", "first values"), *columns_table(inspection)]
     widths = [min(max(len(row[k]) for row in rows), 34) for k in range(6)]
     return [("  " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True))).rstrip() for row in rows]

@@ -96,13 +96,13 @@ def read_motion(
     }
     few = count < FEW
     remedy = f"record a longer motion, of {FEW} swings and more" if few else ""
-    found = [Check("motion", "motion", "advice" if few else "ok", text, remedy, values)]
+    checks = [Check("motion", "motion", "advice" if few else "ok", text, remedy, values)]
     if swings.rest > 0.02 * (stop - start):
         text = f"the axis rests {swings.rest:.3g} s of this part, which holds no information on the inertia."
-        found.append(Check("rest", "rest", "note", text, "", {"rest": swings.rest}))
+        checks.append(Check("rest", "rest", "note", text, "", {"rest": swings.rest}))
     if channel is not None and not few:
-        found.append(_excitation(swings, unit))
-    return swings, found
+        checks.append(_excitation(swings, unit))
+    return swings, checks
 
 
 def amplitudes(time: Array, angle: Array, start: float, stop: float, main: float) -> tuple[Array, Array]:

@@ -86,26 +86,26 @@ def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balanc
 
 def check_physics(balance: Balance, rig: Rig) -> list[Check]:
     """All checks that need the rig, on a balance whose signs are right."""
-    found = [_signs(balance, rig), *_model(balance)]
+    checks = [_signs(balance, rig), *_model(balance)]
     fits = [fit for fit in balance.fits if len(fit.rows) >= FEWEST]
-    found += _wheel(balance, rig)
+    checks += _wheel(balance, rig)
     turn = rig.log.wheel_scale.value if rig.drive.wheel is not None else 1.0
     extras = small.extras(fits, balance.signals, turn) if fits else {}
     if "zero" in extras:
         centre = centre_of(balance.signals.motion.turning_angles) if rig.drive.channel is None else None
         if centre is None:
-            found.append(_zero(extras["zero"], small.zero_of(fits, balance.signals)))
+            checks.append(_zero(extras["zero"], small.zero_of(fits, balance.signals)))
         else:
-            found.append(_zero(replace(extras["zero"], value=centre[0], uncertainty=centre[1]), None))
+            checks.append(_zero(replace(extras["zero"], value=centre[0], uncertainty=centre[1]), None))
     if "latency" in extras:
-        found.append(_latency(extras["latency"], balance, rig))
-    found += _voltage(fits, balance, rig)
+        checks.append(_latency(extras["latency"], balance, rig))
+    checks += _voltage(fits, balance, rig)
     for which, word, table in (("angle", "angle", "sensors"), ("wheel", "wheel", "sensors.wheel")):
         if f"{which} 1 cosine" in extras:
-            found.append(_encoder(extras, which, word, table, rig))
-    if not any(check.level in ("repair", "advice") and check.code in BENDS_GRAVITY for check in found):
-        found += _gravity(balance, rig)
-    return found
+            checks.append(_encoder(extras, which, word, table, rig))
+    if not any(check.level in ("repair", "advice") and check.code in BENDS_GRAVITY for check in checks):
+        checks += _gravity(balance, rig)
+    return checks
 
 
 def _signs(balance: Balance, rig: Rig) -> Check:
@@ -122,14 +122,14 @@ def _signs(balance: Balance, rig: Rig) -> Check:
 
 def _model(balance: Balance) -> Iterator[Check]:
     """Return whether the balance closes: what is left against what the terms are."""
-    left = balance.left
-    text = f"inertia, gravity, drive and friction leave {percent(left)} of the inertia's term"
-    if left <= CLOSES:
-        yield Check("balance", "balance", "ok", f"{text}: it closes.", "", {"left": left})
+    share = balance.left
+    text = f"inertia, gravity, drive and friction leave {percent(share)} of the inertia's term"
+    if share <= CLOSES:
+        yield Check("balance", "balance", "ok", f"{text}: it closes.", "", {"left": share})
         return
     text += ": a term is missing, or a column is not what [log] states."
     remedy = "correct the column, sign, unit or constant that is not what the rig file states"
-    yield Check("balance", "balance", "repair", text, remedy, {"left": left})
+    yield Check("balance", "balance", "repair", text, remedy, {"left": share})
 
 
 def _zero(joint: Extra, alone: Extra | None) -> Check:
@@ -154,12 +154,12 @@ def _zero(joint: Extra, alone: Extra | None) -> Check:
 def _gravity(balance: Balance, rig: Rig) -> Iterator[Check]:
     """Return whether drive and gravity are of one scale, where the motion determines it; see `checks.stated`."""
     law = balance.law
-    for found in gravity_off(law, balance.fits, balance.signals, rig) or ():
-        if not matters(found.change, law.total, law.a11):
+    for finding in gravity_off(law, balance.fits, balance.signals, rig) or ():
+        if not matters(finding.change, law.total, law.a11):
             continue
         drive = "log.torque_gain" if "torque" in balance.equation.coefficients else "drive.wheel.inertia"
         remedy = f"correct axis.gravity_torque or {drive}, or state the less certain one with its uncertainty"
-        yield Check("gravity-torque-disagrees", "scale", "repair", f"{found.text.rpartition('; ')[0]}.", remedy)
+        yield Check("gravity-torque-disagrees", "scale", "repair", f"{finding.text.rpartition('; ')[0]}.", remedy)
 
 
 def _wheel(balance: Balance, rig: Rig) -> Iterator[Check]:
@@ -215,7 +215,7 @@ def _voltage(fits: list[WindowFit], balance: Balance, rig: Rig) -> Iterator[Chec
     """Latency of both angles against the voltage, where the rig file has the motor's constants."""
     windows = [fit.rows.windows for fit in fits]
     latencies = [small.voltage_latency(balance.used, rig, balance.signals, each, balance.noise) for each in windows]
-    known = sorted((u, value) for value, u in (one for one in latencies if one is not None))
+    known = sorted((u, value) for value, u in (latency for latency in latencies if latency is not None))
     if not known:
         return
     late = small.pooled("voltage latency", known, small.PRIOR_LATENCY)
@@ -249,7 +249,7 @@ def _delay(late: Extra, total: float, check: Check, balance: Balance, words: tup
     return replace(check, evidence=text + check.evidence, remedy=remedy, values=values)
 
 
-def _encoder(found: dict[str, Extra], which: str, word: str, table: str, rig: Rig) -> Check:
+def _encoder(extras: dict[str, Extra], which: str, word: str, table: str, rig: Rig) -> Check:
     """Once and twice per turn of one encoder."""
     parts: list[str] = []
     values: dict[str, object] = {}
@@ -257,7 +257,7 @@ def _encoder(found: dict[str, Extra], which: str, word: str, table: str, rig: Ri
     remedy, known_any = "", False
     declared = rig.sensors.of("wheel" if which == "wheel" else "angle").nonlinearity
     for k, often in ((1, "once"), (2, "twice")):
-        size, spread, known = small.amplitude(found, f"{which} {k}")
+        size, spread, known = small.amplitude(extras, f"{which} {k}")
         known_any |= known
         values |= {f"amplitude_{often}": size, f"uncertainty_{often}": spread, f"told_{often}": known}
         degrees = plus_minus(np.degrees(size), np.degrees(spread), "°") if known else "not identifiable"

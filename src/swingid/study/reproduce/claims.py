@@ -95,7 +95,7 @@ def no_acceleration(seed: int) -> Claim:
     recording = log.recording
     channels = 3 + (recording.torque is not None)
     errors = {estimator: runs.error_by(estimator, log) for estimator in ("printed", "observers", "momentum")}
-    own = [abs(errors[estimator]) < BAR for estimator in ("printed", "observers")]
+    within = [abs(errors[estimator]) < BAR for estimator in ("printed", "observers")]
     return Claim(
         "it does not require measurement of acceleration, cumbersome calculations and linearization",
         "The experiment's log with hidden dry friction: time, two encoders, voltage. (6) is a closed formula in "
@@ -107,7 +107,7 @@ def no_acceleration(seed: int) -> Claim:
             ("for comparison, momentum, which needs no speeds", errors["momentum"], "%"),
         ],
         f"J1 by (6) within {BAR:g} % with either speeds; in part: with one of them",
-        verdict(all(own), any(own)),
+        verdict(all(within), any(within)),
     )
 
 
@@ -140,8 +140,8 @@ def _worst_inertia(log: Log, options: dict[str, object]) -> float:
 def _worst_friction(log: Log, options: dict[str, object]) -> float:
     """Largest error of f1^ from one interval, per cent; NaN where an interval gives none."""
     results = [runs.result_by("printed", log, nodes=nodes, **options) for nodes in runs.intervals(log)]
-    found = [None if isinstance(result, str) else viscous(result) for result in results]
-    return float(max(abs(100 * ((math.nan if value is None else value) / BEARING - 1)) for value in found))
+    values = [None if isinstance(result, str) else viscous(result) for result in results]
+    return float(max(abs(100 * ((math.nan if value is None else value) / BEARING - 1)) for value in values))
 
 
 def any_dissipation(seed: int) -> Claim:

@@ -65,9 +65,9 @@ def accuracy_by_tracking(seed: int) -> Claim:
             measured.append((f"{name}: tracking error, RMS", tracking[-1], "mrad"))
             measured.append((f"{name}: (6) about the reference's turning points", errors["reference"][-1], "±%"))
             measured.append((f"{name}: about the measured ones", errors["measured"][-1], "±%"))
-        for mirror, found in errors.items():
-            ratios = np.array(found) / np.array(tracking)
-            falls = bool(np.all(np.diff(found) < 0)) and bool(np.all(np.diff(tracking) < 0))
+        for mirror, of_mirror in errors.items():
+            ratios = np.array(of_mirror) / np.array(tracking)
+            falls = bool(np.all(np.diff(of_mirror) < 0)) and bool(np.all(np.diff(tracking) < 0))
             follows[mirror].append(falls and float(ratios.max() / ratios.min()) < ESTIMATES)
     return Claim(
         "the identification accuracy can be set and estimated by analyzing the tracking error value",
@@ -218,7 +218,9 @@ def more_accurate(seed: int) -> Claim:
             errors[estimator] = 100 * ((values[1] - values[0]) / published.J_E - 1)
             measured.append((f"J_e, {constants}: {words.get(estimator, estimator)}", errors[estimator], "%"))
         settings.append({estimator: errors[estimator] for estimator in words})
-    best = [min(found, key=lambda estimator: abs(found[estimator])) == "printed" for found in settings]
+    best = [
+        min(by_estimator, key=lambda estimator: abs(by_estimator[estimator])) == "printed" for by_estimator in settings
+    ]
     return Claim(
         "has high accuracy and can provide greater identification performance than the known method",
         "J1 in the ideal simulations of Fig. 7 and Fig. 8; J_e in the experiment with hidden dry friction, by the "

@@ -190,9 +190,9 @@ def simulation(progress: Callable[[str], None]) -> Simulation:
         )
     progress("backstepping of Fig. 8, 10 kHz")
     curves = tuple(curve_of(law, frequency) for frequency in FREQUENCIES for law in ("printed", "consistent"))
-    found = controller(run, run.recording.time > run.recording.time[-1] / 2)
+    settled = controller(run, run.recording.time > run.recording.time[-1] / 2)
     answers: dict[str, object] = {"rows": rows, "single": _single(log)}
-    answers |= {name: found[name] for name in ("k_tilde", "settled", "error_rms")}
+    answers |= {name: settled[name] for name in ("k_tilde", "settled", "error_rms")}
     answers["backstepping"] = [_convergence(curve, log) for curve in curves]
     return Simulation(run.recording, curves, log.truth, answers)
 

@@ -125,14 +125,14 @@ def imperfection_rows(seed: int, progress: Callable[[str], None]) -> list[Answer
 
 def _row(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int], Log]) -> Answer:
     ways = PAPER_ONLY if imperfection.group == "processing" else COMPARED
-    found: dict[str, list[tuple[float, float]]] = {estimator: [] for estimator in ways}
+    by_estimator: dict[str, list[tuple[float, float]]] = {estimator: [] for estimator in ways}
     for draw in range(imperfection.draws):
         pair = [_log(case, imperfection, seed + draw, logs) for case in ("plain", "body")]
         for estimator in ways:
-            found[estimator].append(_errors(estimator, pair, imperfection))
+            by_estimator[estimator].append(_errors(estimator, pair, imperfection))
     row: Answer = {"words": imperfection.words, "group": imperfection.group, "draws": imperfection.draws}
     row["size"] = None if imperfection.size is None else list(imperfection.size)
-    for estimator, errors in found.items():
+    for estimator, errors in by_estimator.items():
         j1, j_e = np.array(errors).T
         row[estimator] = {"j1": _one(j1), "j_e": _one(j_e)}
     if imperfection.draws > 1 and imperfection.group == "sensors":

@@ -225,8 +225,8 @@ def intervals(log: Log) -> list[Nodes]:
     """Nodes (t10, t11, t20, t21) of every two-step interval of a log, mirrored about the measured turning points."""
     recording = log.recording
     noise = channel_noise(recording, log.rig)
-    found = find_motion(recording.time, recording.angle, noise.angle)
-    passes = mirrored_passes(found, DEPTHS, recording.time, max(4.5 * noise.step, 0.05 * found.half_period))
+    motion = find_motion(recording.time, recording.angle, noise.angle)
+    passes = mirrored_passes(motion, DEPTHS, recording.time, max(4.5 * noise.step, 0.05 * motion.half_period))
     return [(row[0], row[1], row[2], row[3]) for row in chosen_nodes(passes).tolist()]
 
 

@@ -32,14 +32,14 @@ NOTHING = "–"
 
 def tables(results: dict[str, Any]) -> list[Table]:
     """All tables of `Reproduction.results`, or of the JSON it was written to."""
-    found = [_glance(results), _unclear()]
-    found += [_experiment(one, results["paper"]) for one in results["experiment"]]
-    found += [_balanced(results), _controllers(results), _simulation(results), _convergence(results)]
+    every = [_glance(results), _unclear()]
+    every += [_experiment(experiment, results["paper"]) for experiment in results["experiment"]]
+    every += [_balanced(results), _controllers(results), _simulation(results), _convergence(results)]
     if "imperfections" in results:
-        found.append(_imperfections(results["imperfections"], results["paper"]["j_e_error"]))
+        every.append(_imperfections(results["imperfections"], results["paper"]["j_e_error"]))
     if "claims" in results:
-        found += [_verdicts(results["claims"]), _measurements(results["claims"])]
-    return found
+        every += [_verdicts(results["claims"]), _measurements(results["claims"])]
+    return every
 
 
 def _table(key: str, title: str, caption: str, headings: tuple[str, ...], rows: tuple[tuple[str, ...], ...]) -> Table:
@@ -58,7 +58,9 @@ def _unclear() -> Table:
 def _glance(results: dict[str, Any]) -> Table:
     """What the paper reports, and what comes out here."""
     paper = results["paper"]
-    errors = {one["friction"]: {row["way"]: row for row in one["rows"]} for one in results["experiment"]}
+    errors = {
+        experiment["friction"]: {row["way"]: row for row in experiment["rows"]} for experiment in results["experiment"]
+    }
 
     def j_e(words: str, friction: str, estimator: str, case: str = "body") -> str:
         return f"{words} {signed(errors[friction][estimator][f'j_e_{case}'].get('error'))}"
@@ -110,8 +112,8 @@ def _published(paper: dict[str, Any], estimator: str, words: str) -> tuple[str, 
     j1, a11 = paper["j1"][estimator], paper["a11_body"][estimator]
     j_e = a11 - j1
     error = 100 * (j_e / paper["j_e"] - 1)
-    read, found = inertia(a11, 1), (inertia(j_e, 1), f"{error:+.1f}")
-    return (words, inertia(j1, 1), NOTHING, read, NOTHING, read, *found, NOTHING, NOTHING)
+    read, ours = inertia(a11, 1), (inertia(j_e, 1), f"{error:+.1f}")
+    return (words, inertia(j1, 1), NOTHING, read, NOTHING, read, *ours, NOTHING, NOTHING)
 
 
 def _ways(row: dict[str, Any]) -> tuple[str, ...]:
@@ -132,7 +134,7 @@ def _f1(answer: dict[str, Any]) -> str:
 
 def _balanced(results: dict[str, Any]) -> Table:
     rows = []
-    for viscous, hidden in zip(*(one["rows"] for one in results["experiment"]), strict=True):
+    for viscous, hidden in zip(*(experiment["rows"] for experiment in results["experiment"]), strict=True):
         cells = [viscous["words"]]
         for row in (viscous, hidden):
             cells += [signed(row["balanced"].get("error")), signed(row["j_e_balanced"].get("error"))]
@@ -200,9 +202,9 @@ def _convergence(results: dict[str, Any]) -> Table:
     )
 
 
-def _imperfections(found: list[dict[str, Any]], published: dict[str, float]) -> Table:
+def _imperfections(imperfections: list[dict[str, Any]], published: dict[str, float]) -> Table:
     rows = []
-    for row in found:
+    for row in imperfections:
         several = row["draws"] > 1
         cells = [row["words"] + (f" (RMS of {row['draws']})" if several else "")]
         for estimator in ("printed", "nls", "momentum"):
@@ -252,18 +254,18 @@ def _measurements(claims: list[dict[str, Any]]) -> Table:
     rows = []
     for row in claims:
         groups: dict[str, list[str]] = {}
-        for one in row["measured"]:
-            what, _, rest = one["what"].rpartition(": ")
-            text = _measured(one)
+        for measured in row["measured"]:
+            what, _, rest = measured["what"].rpartition(": ")
+            text = _measured(measured)
             groups.setdefault(what or rest, []).append(f"{rest} {text}" if what else text)
         for place, (what, texts) in enumerate(groups.items()):
             rows.append((f"“{row['claim']}”" if place == 0 else "", what, "; ".join(texts)))
     return _table("measurements", "What the claims were measured by", "", ("claim", "what", "measured"), tuple(rows))
 
 
-def _measured(one: dict[str, Any]) -> str:
+def _measured(measured: dict[str, Any]) -> str:
     """A number with its unit: errors with their sign, "±%" for sizes of errors."""
-    value, unit = one["value"], one["unit"]
+    value, unit = measured["value"], measured["unit"]
     if unit == "%":
         return f"{signed(value)}\u00a0%"
     if unit == "±%":

@@ -74,17 +74,17 @@ class Tensor:
         if vector.shape != (3,) or not np.isfinite(vector).all() or not np.any(vector):
             raise UsageError("a direction is three numbers that are not all 0, such as 0 0 1", code="bad-direction")
         vector = vector / np.linalg.norm(vector)
-        found = weighted_sum(self.sources, rows_of(vector[None])[0])
+        inertia = weighted_sum(self.sources, rows_of(vector[None])[0])
         d = parse_quantity(distance, "m", "distance")
         if d.value or d.std:
             if self.mass is None:
                 raise UsageError("the inertia about an axis off the centre of mass needs body.mass", code="no-mass")
-            found += self.mass * Uncertain.of(d.value, d.std or 0.0, stated("distance", None), "prediction") ** 2
-        return found.parameter(UNIT)
+            inertia += self.mass * Uncertain.of(d.value, d.std or 0.0, stated("distance", None), "prediction") ** 2
+        return inertia.parameter(UNIT)
 
-    def product(self, one: object, other: object) -> Parameter:
+    def product(self, first: object, second: object) -> Parameter:
         """The element aᵀ J b between two unit vectors, as the products of inertia in another frame."""
-        row = row_between(np.asarray(one, dtype=np.float64), np.asarray(other, dtype=np.float64))
+        row = row_between(np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64))
         return weighted_sum(self.sources, row).parameter(UNIT)
 
     def to_dict(self) -> dict[str, Any]:
@@ -100,12 +100,12 @@ class Tensor:
             "correlation": correlation_of(NAMES, self.covariance),
             "principal": [
                 {
-                    "moment": one.moment,
-                    "axis": one.direction,
-                    "determined": not one.together,
-                    "angle_standard_uncertainty": one.angle,
+                    "moment": moment.moment,
+                    "axis": moment.direction,
+                    "determined": not moment.together,
+                    "angle_standard_uncertainty": moment.angle,
                 }
-                for one in self.principal
+                for moment in self.principal
             ],
             "axes": self.axes,
             "consistency": {
@@ -181,11 +181,11 @@ class Tensor:
 
     def _principal(self) -> list[str]:
         lines = []
-        for k, one in enumerate(self.principal):
-            moment = one.moment
-            where = f"axis {direction_text(one.direction)} ± {number(math.degrees(one.angle), '', 2)} deg"
-            if one.together:
-                others = " and ".join(str(j + 1) for j in one.together)
+        for k, principal in enumerate(self.principal):
+            moment = principal.moment
+            where = f"axis {direction_text(principal.direction)} ± {number(math.degrees(principal.angle), '', 2)} deg"
+            if principal.together:
+                others = " and ".join(str(j + 1) for j in principal.together)
                 where = f"axis not determined: not distinguishable from moment {others}"
             lines.append(f"    {k + 1}: {_value(moment)}  95 %: {_interval(moment)}  {where}")
         return lines

@@ -56,9 +56,9 @@ class Identities:
             if entry.shared_id is None or not entry.sensitivity:
                 return f"{name}: {entry.source}"
             value = constant(result, entry.shared_id)
-            found = f"{entry.shared_id} #{self._index(entry, None if value is None else value[0])}"
-            self.keys.add(found)
-            return found
+            numbered = f"{entry.shared_id} #{self._index(entry, None if value is None else value[0])}"
+            self.keys.add(numbered)
+            return numbered
 
         return key
 
@@ -113,7 +113,7 @@ class Axis:
             ]
         bend = self.tilt**2 * (plane @ whole @ plane.T - float(n @ whole @ n) * np.eye(2))
         errors.append(_second_order(bend, f"{self.name}: second order"))
-        return sum((one for one in errors if one.u), self.central)
+        return sum((error for error in errors if error.u), self.central)
 
 
 def tilt_variances(tensor: Array, tilt: float) -> Array:
@@ -121,8 +121,8 @@ def tilt_variances(tensor: Array, tilt: float) -> Array:
     n = hemisphere()
     gradient = n @ tensor
     along = np.sum(gradient * n, axis=1)
-    found: Array = 4 * tilt**2 * (np.sum(gradient**2, axis=1) - along**2)
-    return found
+    variances: Array = 4 * tilt**2 * (np.sum(gradient**2, axis=1) - along**2)
+    return variances
 
 
 def read_axes(axes: Axes, results: Sequence[Result | str | Path] = ()) -> tuple[list[Axis], Identities, list[Message]]:
@@ -133,7 +133,7 @@ def read_axes(axes: Axes, results: Sequence[Result | str | Path] = ()) -> tuple[
     loaded, identities = _results(axes, results), Identities()
     body = _BodyValues.of(axes)
     messages: list[Message] = []
-    found = []
+    read = []
     for k, table in enumerate(axes.tables):
         result, name = loaded[k], axes.names[k]
         values = _Reading(axes, k, result, identities)
@@ -141,10 +141,10 @@ def read_axes(axes: Axes, results: Sequence[Result | str | Path] = ()) -> tuple[
         central, across = _central(axes, k, about, values, body)
         rotation = axes.mountings.get(table.mounting or "", 0.0)
         direction = axes.directions[k]
-        found.append(Axis(name, direction, about, central, across, table.tilt or 0.0, table.mounting, rotation))
+        read.append(Axis(name, direction, about, central, across, table.tilt or 0.0, table.mounting, rotation))
         if result is not None:
             messages += [Message(m.code, f"{name}: {m.message}", m.kind) for m in result.warnings]
-    return found, identities, messages
+    return read, identities, messages
 
 
 def _results(axes: Axes, results: Sequence[Result | str | Path]) -> list[Result | None]:
@@ -158,18 +158,18 @@ def _results(axes: Axes, results: Sequence[Result | str | Path]) -> list[Result 
         )
     by_axis: dict[int, Result | str | Path] = dict(zip(empty, results, strict=True))
     by_axis |= {k: axes.folder / table.result for k, table in enumerate(axes.tables) if table.result is not None}
-    found: list[Result | None] = []
+    read: list[Result | None] = []
     logs: dict[str, str] = {}
     for k in range(len(axes.tables)):
         source = by_axis.get(k)
         result = None if source is None else _usable(source, axes.place(k))
-        found.append(result)
+        read.append(result)
         for log in () if result is None else _logs(result):
             if log in logs:
                 message = f"{axes.place(k)}: result is of the same log as {logs[log]}; each axis needs its own"
                 raise InputError(message, code="same-log")
             logs[log] = axes.names[k]
-    return found
+    return read
 
 
 def _usable(source: Result | str | Path, place: str) -> Result:
@@ -197,9 +197,9 @@ def _usable(source: Result | str | Path, place: str) -> Result:
 def _logs(result: Result) -> set[str]:
     """Hashes of the logs with the body."""
     loaded = result.provenance.get("loaded")
-    own = loaded if isinstance(loaded, dict) else result.provenance
-    several = own.get("logs_sha256")
-    hashes = several if isinstance(several, list) else [own.get("log_sha256")]
+    described = loaded if isinstance(loaded, dict) else result.provenance
+    several = described.get("logs_sha256")
+    hashes = several if isinstance(several, list) else [described.get("log_sha256")]
     return {text for text in hashes if isinstance(text, str)}
 
 
@@ -260,11 +260,11 @@ class _Reading:
         fixture = self._fixture()
         if fixture is None:
             return whole
-        found = whole - fixture[0]
-        if found.value <= 0:
+        inertia = whole - fixture[0]
+        if inertia.value <= 0:
             message = f"{self.axes.place(self.k)}: fixture has no less inertia than the axis with the body; check both"
             raise InputError(message, code="fixture")
-        return found
+        return inertia
 
     def _fixture(self) -> tuple[Uncertain, Result | None, str] | None:
         """Inertia of the fixture, its result, and how it is called in keys."""
@@ -294,8 +294,8 @@ class _Reading:
     def _torque_of(self, result: Result, name: str) -> Uncertain:
         """The gravity torque identified in a result, else the one that its rig file states."""
         identity = self.identities.of(result, name)
-        found = result.parameters.get("gravity_torque")
-        if found is not None and found.standard_uncertainty is not None:
+        torque = result.parameters.get("gravity_torque")
+        if torque is not None and torque.standard_uncertainty is not None:
             return _identified_torque(result, identity, name)
         known = constant(result, GRAVITY)
         if known is None:
@@ -311,12 +311,12 @@ class _Reading:
 
 def _inertia_of(result: Result, identity: Identity, name: str) -> Uncertain:
     """Inertia with its sources; a result without a budget has one of its own."""
-    found = value_of(result, "inertia", identity)
-    if found.shifts:
-        return found
-    own = result.inertia
-    source = scatter("scatter", own.degrees_of_freedom)
-    return Uncertain.of(own.value, own.standard_uncertainty or 0.0, source, f"{name}: scatter")
+    inertia = value_of(result, "inertia", identity)
+    if inertia.shifts:
+        return inertia
+    parameter = result.inertia
+    source = scatter("scatter", parameter.degrees_of_freedom)
+    return Uncertain.of(parameter.value, parameter.standard_uncertainty or 0.0, source, f"{name}: scatter")
 
 
 def _identified_torque(result: Result, identity: Identity, name: str) -> Uncertain:
@@ -327,10 +327,10 @@ def _identified_torque(result: Result, identity: Identity, name: str) -> Uncerta
     r = float(np.clip(both[0, 1] / (size * spread), -1.0, 1.0)) if size * spread else 0.0
     freedom = min((torque.sources[key].degrees_of_freedom for key in torque.of_type("A").shifts), default=math.inf)
     alone = scatter("scatter of the gravity torque", freedom)
-    found = torque.of_type("B")
+    known = torque.of_type("B")
     if r:
-        found += r * spread / size * replace(inertia.of_type("A"), value=0.0)
-    return found + Uncertain.of(0.0, spread * math.sqrt(1 - r * r), alone, f"{name}: gravity torque alone")
+        known += r * spread / size * replace(inertia.of_type("A"), value=0.0)
+    return known + Uncertain.of(0.0, spread * math.sqrt(1 - r * r), alone, f"{name}: gravity torque alone")
 
 
 def _central(axes: Axes, k: int, about: Uncertain, values: _Reading, body: _BodyValues) -> tuple[Uncertain, Array]:
@@ -350,7 +350,7 @@ def _central(axes: Axes, k: int, about: Uncertain, values: _Reading, body: _Body
         r = np.array([c.value - p.value for c, p in zip(body.centre, points, strict=True)])
         normal = np.eye(3) - np.outer(n, n)
         off = [weighted_sum((*body.centre, *points), row) for row in np.hstack([normal, -normal])]
-        lever = mass * sum((one**2 for one in off), Uncertain(0.0))
+        lever = mass * sum((length**2 for length in off), Uncertain(0.0))
         across = m * (float(r @ r) * np.eye(3) - np.outer(r, r))
         plane = np.stack(perpendicular(n))
         both = np.diag([c.u**2 + p.u**2 for c, p in zip(body.centre, points, strict=True)])

@@ -83,7 +83,7 @@ class Comparison:
         pairs = zip(*self.moments, strict=True)
         lines.append(
             "    principal moments, whatever the frame: "
-            + ", ".join(f"{percent(float(one / other - 1), sign=True)}" for one, other in pairs)
+            + ", ".join(f"{percent(float(mine / other - 1), sign=True)}" for mine, other in pairs)
         )
         if self.mass is not None:
             measured, u, cad = self.mass
@@ -101,7 +101,7 @@ def compare(cad: CadBody, matrix: Array, covariance: Array, body: Body) -> Compa
     """A measured tensor (3, 3) with covariance (6, 6) beside one of CAD; both in the same frame."""
     off = elements_of(matrix) - elements_of(cad.tensor)
     chi_square = squared_distance(off, covariance, 1e-15)
-    moments = np.stack([np.linalg.eigvalsh(one)[::-1] for one in (matrix, cad.tensor)])
+    moments = np.stack([np.linalg.eigvalsh(tensor)[::-1] for tensor in (matrix, cad.tensor)])
     mass = None
     # a mesh without a density has the weighed mass itself
     if body.mass is not None and cad.mass != body.mass.value:
@@ -137,7 +137,7 @@ def load_cad(
         if root.find(".//include") is not None:
             raise _unusable(name, "includes other files; compile it with MuJoCo and save the XML (mj_saveLastXML)")
         angles = _Angles.of(root)
-        return _chosen(name, link, "body", root.iter("body"), lambda file, one: _mjcf(file, one, angles))
+        return _chosen(name, link, "body", root.iter("body"), lambda file, body: _mjcf(file, body, angles))
     raise _unusable(name, f"has the root <{root.tag[:40]}>; give a URDF (<robot>), an MJCF (<mujoco>) or a mesh")
 
 
@@ -162,12 +162,12 @@ def _chosen(
     name: str,
     wanted: str | None,
     kind: str,
-    found: Iterable[ElementTree.Element],
+    elements: Iterable[ElementTree.Element],
     read: Callable[[str, ElementTree.Element], CadBody],
 ) -> CadBody:
     """The one body with an inertia, or that of a name."""
-    bodies = list(found)
-    able = {one.get("name", ""): one for one in bodies if one.find("inertial") is not None}
+    bodies = list(elements)
+    able = {body.get("name", ""): body for body in bodies if body.find("inertial") is not None}
     if wanted is None:
         if len(able) == 1:
             return read(name, next(iter(able.values())))
@@ -176,7 +176,7 @@ def _chosen(
         raise UsageError(f"{name} has several bodies; choose one with --link: {', '.join(able)}", code="link")
     if wanted in able:
         return read(name, able[wanted])
-    if any(one.get("name") == wanted for one in bodies):
+    if any(body.get("name") == wanted for body in bodies):
         raise _unusable(name, f"states no <inertial> for the {kind} {wanted!r}; add it, or compare with a mesh")
     raise UsageError(f"{name} has no {kind} {wanted!r}; there are {', '.join(able) or 'none'}", code="link")
 
@@ -184,12 +184,12 @@ def _chosen(
 def _numbers(name: str, text: str | None, count: int, what: str) -> Array:
     """So many finite numbers of an attribute."""
     try:
-        found = np.array([float(part) for part in (text or "").split()])
+        numbers = np.array([float(part) for part in (text or "").split()])
     except ValueError:
-        found = np.empty(0)
-    if len(found) != count or not np.isfinite(found).all():
+        numbers = np.empty(0)
+    if len(numbers) != count or not np.isfinite(numbers).all():
         raise _unusable(name, f"has {what} {(text or '')[:60]!r}, but needs {count} number{'s' * (count > 1)} there")
-    return found
+    return numbers
 
 
 def _body(name: str, link: str, mass: float, centre: Array, turn: Array, tensor: Array) -> CadBody:
@@ -261,9 +261,9 @@ def _orientation(name: str, inertial: ElementTree.Element, angles: _Angles) -> A
     if (text := inertial.get("euler")) is not None:
         turn = np.eye(3)
         for letter, angle in zip(angles.sequence, _numbers(name, text, 3, "euler"), strict=False):
-            one = _turn("xyz".index(letter.lower()), float(angle) * angles.unit)
-            # a lower-case letter turns about the moving axis, an upper-case one about the fixed axis
-            turn = turn @ one if letter.islower() else one @ turn
+            about_axis = _turn("xyz".index(letter.lower()), float(angle) * angles.unit)
+            # a lower-case letter turns about the moving axis, an upper-case about_axis about the fixed axis
+            turn = turn @ about_axis if letter.islower() else about_axis @ turn
         return turn
     if (text := inertial.get("xyaxes")) is not None:
         both = _numbers(name, text, 6, "xyaxes")
@@ -284,8 +284,8 @@ def _unit(vector: Array, name: str) -> Array:
     size = float(np.linalg.norm(vector))
     if size < 1e-12:
         raise _unusable(name, "has an orientation with a vector of no length; correct it")
-    found: Array = vector / size
-    return found
+    unit: Array = vector / size
+    return unit
 
 
 def _of_quaternion(q: Array, name: str) -> Array:
@@ -304,10 +304,10 @@ def _turn(axis: int, angle: float) -> Array:
     """Rotation matrix about a coordinate axis."""
     c, s = math.cos(angle), math.sin(angle)
     j, k = (axis + 1) % 3, (axis + 2) % 3
-    found = np.eye(3)
-    found[j, j] = found[k, k] = c
-    found[j, k], found[k, j] = -s, s
-    return found
+    matrix = np.eye(3)
+    matrix[j, j] = matrix[k, k] = c
+    matrix[j, k], matrix[k, j] = -s, s
+    return matrix
 
 
 def _mesh(name: str, mass: Quantity | None, density: str | float | None, unit: str) -> CadBody:

@@ -27,16 +27,16 @@ RANK = 1e-6
 def rows_of(directions: Array) -> Array:
     """Rows h (n, 6) with nᵀ J n = h · elements, of unit vectors (n, 3)."""
     x, y, z = np.asarray(directions, dtype=np.float64).T
-    found: Array = np.stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z], axis=1)
-    return found
+    rows: Array = np.stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z], axis=1)
+    return rows
 
 
 def matrix_of(elements: Array) -> Array:
     """The symmetric matrix (3, 3) of six elements."""
-    found = np.empty((3, 3))
+    matrix = np.empty((3, 3))
     for value, (i, j) in zip(elements, PLACES, strict=True):
-        found[i, j] = found[j, i] = value
-    return found
+        matrix[i, j] = matrix[j, i] = value
+    return matrix
 
 
 def elements_of(matrix: Array) -> Array:
@@ -46,8 +46,8 @@ def elements_of(matrix: Array) -> Array:
 
 def row_between(a: Array, b: Array) -> Array:
     """Row (6,) with aᵀ J b = row · elements."""
-    found: Array = elements_of((np.outer(a, b) + np.outer(b, a)) / 2) * TWICE
-    return found
+    row: Array = elements_of((np.outer(a, b) + np.outer(b, a)) / 2) * TWICE
+    return row
 
 
 def rank_of(directions: Array) -> int:
@@ -74,8 +74,8 @@ def missing_direction(directions: Array) -> Array:
     _, sizes, vectors = np.linalg.svd(rows_of(directions))
     unseen = vectors[np.r_[sizes, np.zeros(6 - len(sizes))] <= RANK * sizes[0]]
     tried = hemisphere()
-    found: Array = tried[int(np.argmax(np.sum((rows_of(tried) @ unseen.T) ** 2, axis=1)))]
-    return found
+    direction: Array = tried[int(np.argmax(np.sum((rows_of(tried) @ unseen.T) ** 2, axis=1)))]
+    return direction
 
 
 def next_direction(covariance: Array, variances: Array) -> tuple[Array, float]:

@@ -91,55 +91,55 @@ def fit(axes: Sequence[Axis], common: frozenset[str] = frozenset()) -> Fit:
         values = gain @ y
     elements = tuple(weighted_sum(measured, weights) for weights in gain)
     whole = covariance(elements)
-    own = covariance([_without(one, common) for one in elements])
+    alone = covariance([_without(element, common) for element in elements])
     residuals = y - rows @ values
     maker = np.eye(len(y)) - rows @ gain
     spread = maker @ (covariance(measured) + floor(measured)) @ maker.T
     chi_square, freedom = _chi_square(residuals, spread, len(y) - 6)
-    return Fit(elements, values, whole, own, tuple(measured), residuals, chi_square, freedom)
+    return Fit(elements, values, whole, alone, tuple(measured), residuals, chi_square, freedom)
 
 
 def gain_of(rows: Array, measured: Sequence[Uncertain], common: frozenset[str]) -> Array:
     """G (6, n) with x = G y, for rows (n, 6) of rank 6; constants of `common` that all axes have are not weighed."""
-    everywhere = frozenset(key for key in common if all(key in one.shifts for one in measured))
-    matrix = covariance([_without(one, everywhere) for one in measured]) + floor(measured)
+    everywhere = frozenset(key for key in common if all(key in element.shifts for element in measured))
+    matrix = covariance([_without(element, everywhere) for element in measured]) + floor(measured)
     scale = np.sqrt(np.diag(matrix))
     root = np.linalg.cholesky(matrix / np.outer(scale, scale))
     whitened = np.linalg.solve(root, rows / scale[:, None])
-    found: Array = np.linalg.pinv(whitened) @ np.linalg.solve(root, np.diag(1 / scale))
-    return found
+    gain: Array = np.linalg.pinv(whitened) @ np.linalg.solve(root, np.diag(1 / scale))
+    return gain
 
 
 def floor(measured: Sequence[Uncertain]) -> Array:
     """Variance of the rounding of the values, (n, n): no axis is better than that."""
-    found: Array = np.diag([max((1e-9 * one.value) ** 2, 1e-300) for one in measured])
-    return found
+    variances: Array = np.diag([max((1e-9 * element.value) ** 2, 1e-300) for element in measured])
+    return variances
 
 
-def deviations(axes: Sequence[Axis], found: Fit, common: frozenset[str]) -> list[Deviation | None]:
+def deviations(axes: Sequence[Axis], fitted: Fit, common: frozenset[str]) -> list[Deviation | None]:
     """Each axis against the tensor of the others (leave one out), common sources cancelled; None for lack of rank."""
     rows = rows_of(np.stack([axis.direction for axis in axes]))
     result: list[Deviation | None] = []
-    for k, own in enumerate(found.measured):
+    for k, of_axis in enumerate(fitted.measured):
         others = [j for j in range(len(axes)) if j != k]
         rest = rows[others]
         sizes = np.linalg.svd(rest, compute_uv=False)
         if len(others) < 6 or sizes[-1] < 1e-6 * sizes[0]:
             result.append(None)
             continue
-        measured = [found.measured[j] for j in others]
+        measured = [fitted.measured[j] for j in others]
         weights = rows[k] @ gain_of(rest, measured, common)
-        gap = own - weighted_sum(measured, weights)
-        result.append(Deviation(k, gap.value, math.hypot(gap.u, 1e-9 * own.value)))
+        gap = of_axis - weighted_sum(measured, weights)
+        result.append(Deviation(k, gap.value, math.hypot(gap.u, 1e-9 * of_axis.value)))
     return result
 
 
 def disagreeing(tested: Sequence[Deviation | None]) -> Deviation | None:
     """The axis that disagrees most with the others, where it does beyond chance; one false finding in a hundred."""
-    known = [one for one in tested if one is not None]
+    known = [deviation for deviation in tested if deviation is not None]
     if not known:
         return None
-    worst = max(known, key=lambda one: abs(one.normalised))
+    worst = max(known, key=lambda deviation: abs(deviation.normalised))
     return worst if abs(worst.normalised) > family_level(len(known)) else None
 
 

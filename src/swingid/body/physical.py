@@ -25,8 +25,8 @@ TRACE = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
 def second_moments(matrix: Array) -> Array:
     """∫ x xᵀ dm about the centre of mass (3, 3), of a tensor (3, 3); the tensor of second moments Σ is tr(Σ) 1 − Σ."""
-    found: Array = 0.5 * np.trace(matrix) * np.eye(3) - matrix
-    return found
+    moments: Array = 0.5 * np.trace(matrix) * np.eye(3) - matrix
+    return moments
 
 
 def least_second_moment(matrix: Array, elements: tuple[Uncertain, ...]) -> Uncertain:
@@ -71,8 +71,8 @@ def closest(values: Array, covariance: Array) -> Array:
     def elements(parameters: Array) -> Array:
         factor = np.diag(np.exp(parameters[:3]))
         factor[lower] = parameters[3:]
-        found = size * factor @ factor.T
-        return elements_of(np.trace(found) * np.eye(3) - found)
+        matrix = size * factor @ factor.T
+        return elements_of(np.trace(matrix) * np.eye(3) - matrix)
 
     first = np.r_[np.log(np.diag(start)), start[lower]]
     least = np.r_[np.full(3, 0.5 * np.log(THIN)), np.full(3, -np.inf)]
@@ -81,5 +81,5 @@ def closest(values: Array, covariance: Array) -> Array:
     solution = least_squares(
         lambda p: whiten @ (elements(p) - values), first, bounds=(least, np.inf), xtol=1e-14, ftol=1e-14, gtol=1e-14
     )
-    found: Array = elements(solution.x)
-    return found
+    result: Array = elements(solution.x)
+    return result

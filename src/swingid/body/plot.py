@@ -84,7 +84,7 @@ def _directions(ax: Axes, principal: Sequence[Principal], rows: Sequence[AxisRow
     ax.scatter(shown[:, 0], shown[:, 1], s=34, color=BLUE, label="axes measured", zorder=3)
     for (x, y), axis in zip(shown, rows, strict=True):
         ax.annotate(axis.name, (x, y), (4, 4), textcoords="offset points", fontsize=7, color=INK, parse_math=False)
-    known = {k: one.direction for k, one in enumerate(principal, 1) if not one.together}
+    known = {k: moment.direction for k, moment in enumerate(principal, 1) if not moment.together}
     if known:
         places = _onto_disc(np.stack(list(known.values())))
         ax.scatter(places[:, 0], places[:, 1], s=60, marker="x", color=VERMILION, label="principal axes", zorder=4)
@@ -104,5 +104,5 @@ def _directions(ax: Axes, principal: Sequence[Principal], rows: Sequence[AxisRow
 def _onto_disc(directions: Array) -> Array:
     """Places (n, 2) of directions (n, 3) on a disc of radius 1, the centre is +z or −z."""
     up = directions * np.where(directions[:, 2:] < 0, -1.0, 1.0)
-    found: Array = up[:, :2] / np.sqrt(1 + up[:, 2:])
-    return found
+    places: Array = up[:, :2] / np.sqrt(1 + up[:, 2:])
+    return places

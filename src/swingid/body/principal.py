@@ -38,11 +38,11 @@ def principal(matrix: Array, elements: Sequence[Uncertain], unit: str) -> tuple[
     moments, vectors = np.linalg.eigh(matrix)
     moments, axes = moments[::-1], vectors[:, ::-1].T
     axes = np.array([axis * (1.0 if axis[np.argmax(np.abs(axis))] > 0 else -1.0) for axis in axes])
-    own = [weighted_sum(elements, row) for row in rows_of(axes)]
-    alike = [[_alike(own[i], own[j]) or i == j for j in range(3)] for i in range(3)]
+    values = [weighted_sum(elements, row) for row in rows_of(axes)]
+    alike = [[_alike(values[i], values[j]) or i == j for j in range(3)] for i in range(3)]
     if alike[0][1] and alike[1][2]:
         alike = [[True] * 3] * 3
-    found = []
+    principals = []
     for k in range(3):
         together = tuple(j for j in range(3) if j != k and alike[k][j])
         angles = [
@@ -51,23 +51,23 @@ def principal(matrix: Array, elements: Sequence[Uncertain], unit: str) -> tuple[
             if j != k and j not in together
         ]
         angle = math.nan if together else max(angles)
-        found.append(Principal(_hull(k, together, own, unit), axes[k], angle, together))
-    return tuple(found)
+        principals.append(Principal(_hull(k, together, values, unit), axes[k], angle, together))
+    return tuple(principals)
 
 
-def _alike(one: Uncertain, other: Uncertain) -> bool:
+def _alike(first: Uncertain, second: Uncertain) -> bool:
     """Return whether two moments are not distinguishable; two equal ones differ by 2.5 u in the mean, for they are
     sorted.
     """
-    gap = one - other
+    gap = first - second
     return abs(gap.value) <= DETECTED * gap.u
 
 
-def _hull(k: int, together: Sequence[int], own: Sequence[Uncertain], unit: str) -> Parameter:
+def _hull(k: int, together: Sequence[int], moments: Sequence[Uncertain], unit: str) -> Parameter:
     """The moment with its interval, or with the hull of those it is not distinguishable from."""
-    found = own[k].parameter(unit)
-    ends = [own[j].parameter(unit).interval95 for j in (k, *together)]
+    parameter = moments[k].parameter(unit)
+    ends = [moments[j].parameter(unit).interval95 for j in (k, *together)]
     if not together or any(end is None for end in ends):
-        return found
+        return parameter
     low, high = min(end[0] for end in ends if end), max(end[1] for end in ends if end)
-    return replace(found, interval95=(low, high))
+    return replace(parameter, interval95=(low, high))

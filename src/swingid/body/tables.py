@@ -30,19 +30,19 @@ EXTREME = 1e30
 """SI values of a body lie between its inverse and this; beyond, a power of ten is wrong and squares overflow."""
 
 
-def _measurable(found: Quantity | None) -> Quantity | None:
-    for number in () if found is None else (found.value, found.std or 0.0):
+def _measurable(quantity: Quantity | None) -> Quantity | None:
+    for number in () if quantity is None else (quantity.value, quantity.std or 0.0):
         if number and not 1 / EXTREME <= abs(number) <= EXTREME:
             refuse("out-of-range", f"contains {number:.3g} in SI units, which no body has; check its power of ten")
-    return found
+    return quantity
 
 
 def _vector(raw: object) -> tuple[float, float, float]:
     """A direction: three finite numbers, not all zero; its length has no meaning."""
-    found = [part for part in raw if _is_number(part)] if isinstance(raw, list) else []
-    if not isinstance(raw, list) or len(raw) != 3 or len(found) != 3:
+    numbers = [part for part in raw if _is_number(part)] if isinstance(raw, list) else []
+    if not isinstance(raw, list) or len(raw) != 3 or len(numbers) != 3:
         refuse("wrong-value", f"must be three numbers such as [1, 1, 0], not {shown(raw)}")
-    x, y, z = (float(part) for part in found)
+    x, y, z = (float(part) for part in numbers)
     if max(abs(x), abs(y), abs(z)) < 1e-100:
         refuse("zero-vector", "has no length; give the direction of the axis in the body frame, such as [0, 0, 1]")
     return x, y, z
@@ -65,23 +65,23 @@ def _place(raw: object) -> tuple[Quantity, Quantity, Quantity]:
     return x, y, z
 
 
-def _known(found: Quantity) -> Quantity:
-    if not found.std:
+def _known(quantity: Quantity) -> Quantity:
+    if not quantity.std:
         refuse("no-uncertainty", 'has no uncertainty, so it has no weight; write "value ± standard uncertainty unit"')
-    return found
+    return quantity
 
 
 def _tilt(raw: object) -> float:
     """A small angle, the standard uncertainty of a direction."""
-    found = _quantity(raw, "rad")
-    if found.std is not None:
+    tilt = _quantity(raw, "rad")
+    if tilt.std is not None:
         refuse("uncertainty-unused", "takes no uncertainty; write the number alone")
-    if not 0 <= found.value <= STEEPEST:
-        degrees = math.degrees(found.value)
+    if not 0 <= tilt.value <= STEEPEST:
+        degrees = math.degrees(tilt.value)
         refuse(
             "out-of-range", f'is {degrees:.3g} deg, but must be from 0 to 10 deg; write it with its unit, "0.05 deg"'
         )
-    return found.value
+    return tilt.value
 
 
 def _torque(raw: object) -> Quantity | str:
@@ -98,11 +98,11 @@ def _fixture(raw: object) -> Quantity | str:
 
 def _quantity(raw: object, unit: str) -> Quantity:
     try:
-        found = parse_quantity(raw, unit, "")
+        quantity = parse_quantity(raw, unit, "")
     except InputError as error:
         refuse(error.code, error.message)
-    _measurable(found)
-    return found
+    _measurable(quantity)
+    return quantity
 
 
 Vector = Annotated[tuple[float, float, float], PlainValidator(_vector)]
@@ -195,8 +195,8 @@ class Axes:
         """Unit vectors in the body frame, (n, 3)."""
         vectors = np.array([table.direction for table in self.tables], dtype=np.float64)
         vectors = vectors / np.max(np.abs(vectors), axis=1, keepdims=True)
-        found: Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-        return found
+        directions: Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        return directions
 
     def place(self, k: int) -> str:
         """Axis k in a message: the file, the number from 1, the name."""
@@ -228,19 +228,19 @@ def axes_from_text(text: str, source: str = "axes.toml", folder: Path | None = N
         hint = "; a result file goes with --axes FILE.toml" if text.lstrip().startswith("{") else ""
         raise InputError(f"{source} is not TOML: {problem[:200]}{hint}", code="not-toml") from None
     if "drive" in document:
-        message = f"{source} is a rig file; give the file with one [[axis]] table for each axis, see docs/tensor.md"
+        message = f"{source} is a rig file; give the file with entry [[axis]] table for each axis, see docs/tensor.md"
         raise InputError(message, code="not-axes")
     listed = document.get("axis")
-    if not isinstance(listed, list) or not listed or not all(isinstance(one, dict) for one in listed):
-        message = f"{source}: axis must be a list of tables; write one [[axis]] for each axis, see docs/tensor.md"
+    if not isinstance(listed, list) or not listed or not all(isinstance(entry, dict) for entry in listed):
+        message = f"{source}: axis must be a list of tables; write entry [[axis]] for each axis, see docs/tensor.md"
         raise InputError(message, code="not-axes")
     file = _checked(document, AxesFile, source)
     tables = []
     for k, raw in enumerate(file.axis):
         name = raw.get("name")
         place = f"{source}: axis {k + 1}" + (f" ({name[:60]})" if isinstance(name, str) else "")
-        own = _checked(raw, AxisTable, place)
-        tables.append(_filled(own, file.every_axis))
+        axis = _checked(raw, AxisTable, place)
+        tables.append(_filled(axis, file.every_axis))
         _check(tables[-1], file, place, results)
     names = tuple(table.name or table.result or f"axis {k + 1}" for k, table in enumerate(tables))
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -262,15 +262,15 @@ def _checked(raw: object, table: type[T], place: str) -> T:
         raise InputError(f"{place}: {problem}", code=code) from None
 
 
-def _filled(own: AxisTable, every: EveryAxis) -> AxisTable:
+def _filled(axis: AxisTable, every: EveryAxis) -> AxisTable:
     """The axis with what [every_axis] states; a lever of its own replaces any of that table."""
-    has_lever = any(getattr(own, key) is not None for key in LEVERS)
+    has_lever = any(getattr(axis, key) is not None for key in LEVERS)
     more = {
         key: getattr(every, key)
         for key in type(every).model_fields
-        if getattr(own, key) is None and not (has_lever and key in LEVERS)
+        if getattr(axis, key) is None and not (has_lever and key in LEVERS)
     }
-    return own.model_copy(update=more)
+    return axis.model_copy(update=more)
 
 
 def _check(axis: AxisTable, file: AxesFile, place: str, results: int) -> None:

@@ -74,43 +74,43 @@ def tensor(
     read, identities, warnings = read_axes(stated, results)
     _require_rank(stated)
     common = frozenset(identities.keys)
-    found = fit(read, common)
-    tested = deviations(read, found, common)
+    fitted = fit(read, common)
+    tested = deviations(read, fitted, common)
     worst = disagreeing(tested)
-    _require_seen(found, stated)
+    _require_seen(fitted, stated)
     notes = _notes(stated, read, tested)
-    values, elements = found.values, found.elements
+    values, elements = fitted.values, fitted.elements
     hint = "check the directions, levers, mass and fixture"
     if worst is not None:
         hint = f"{hint}, first of {read[worst.axis].name}, which disagrees most"
         warnings.append(_disagreement(worst, tested, read))
-    if not require_physical(found.matrix, elements, hint):
-        values = closest(values, found.covariance)
-        notes.append(_constrained(found, values))
-    elements = tuple(replace(one, value=float(v)) for one, v in zip(elements, values, strict=True))
-    direction, left = next_direction(found.reducible, _variances(read, matrix_of(values), common))
+    if not require_physical(fitted.matrix, elements, hint):
+        values = closest(values, fitted.covariance)
+        notes.append(_constrained(fitted, values))
+    elements = tuple(replace(element, value=float(v)) for element, v in zip(elements, values, strict=True))
+    direction, remaining = next_direction(fitted.reducible, _variances(read, matrix_of(values), common))
     answer = Tensor(
         status="warning" if warnings else "ok",
-        elements={name: one.parameter(UNIT) for name, one in zip(NAMES, elements, strict=True)},
+        elements={name: element.parameter(UNIT) for name, element in zip(NAMES, elements, strict=True)},
         sources=elements,
-        covariance=found.covariance,
+        covariance=fitted.covariance,
         principal=principal(matrix_of(values), elements, UNIT),
-        axes=_rows(read, found, tested, rows_of(stated.directions) @ values),
-        chi_square=found.chi_square,
-        degrees_of_freedom=found.freedom,
-        probability=_probability(found),
+        axes=_rows(read, fitted, tested, rows_of(stated.directions) @ values),
+        chi_square=fitted.chi_square,
+        degrees_of_freedom=fitted.freedom,
+        probability=_probability(fitted),
         condition=condition(stated.directions),
         next_direction=direction,
-        next_left=left,
+        next_left=remaining,
         mass=None if stated.body.mass is None else shared(stated.body.mass, "body.mass"),
         name=stated.body.name,
         warnings=tuple(warnings),
         notes=tuple(notes),
-        budget=tuple(entry for name, one in zip(NAMES, elements, strict=True) for entry in one.entries(name)),
+        budget=tuple(entry for name, element in zip(NAMES, elements, strict=True) for entry in element.entries(name)),
         provenance=_provenance(stated, results),
     )
     predictions = tuple((_axis_words(n, d), answer.about(n, d)) for n, d in about)
-    comparison = None if compare_with is None else compare(compare_with, answer.matrix, found.covariance, stated.body)
+    comparison = None if compare_with is None else compare(compare_with, answer.matrix, fitted.covariance, stated.body)
     return replace(answer, predictions=predictions, comparison=comparison)
 
 
@@ -138,10 +138,10 @@ def _require_rank(axes: Axes) -> None:
     raise UnanswerableError(f"{axes.source}: {problem}; {missing}", code="not-identifiable")
 
 
-def _require_seen(found: Fit, axes: Axes) -> None:
+def _require_seen(fitted: Fit, axes: Axes) -> None:
     """Raise UnanswerableError where an element is lost in its uncertainty."""
-    largest = float(np.max(np.abs(np.linalg.eigvalsh(found.matrix))))
-    u = np.sqrt(np.diag(found.covariance))
+    largest = float(np.max(np.abs(np.linalg.eigvalsh(fitted.matrix))))
+    u = np.sqrt(np.diag(fitted.covariance))
     worst = int(np.argmax(u))
     if u[worst] > HOPELESS * largest:
         raise UnanswerableError(
@@ -154,14 +154,14 @@ def _require_seen(found: Fit, axes: Axes) -> None:
 
 def _variances(read: Sequence[Axis], matrix: Array, common: frozenset[str]) -> Array:
     """Variance of one more measurement about each direction tried: median of the axes' own, and of their tilts."""
-    own = [axis.central.only(lambda key: key not in common).u ** 2 for axis in read]
+    of_axes = [axis.central.only(lambda key: key not in common).u ** 2 for axis in read]
     tilt = float(np.median([axis.tilt for axis in read]))
     floor = (1e-9 * float(np.trace(matrix))) ** 2
-    found: Array = float(np.median(own)) + tilt_variances(matrix, tilt) + floor
-    return found
+    variances: Array = float(np.median(of_axes)) + tilt_variances(matrix, tilt) + floor
+    return variances
 
 
-def _rows(read: Sequence[Axis], found: Fit, tested: Sequence[Deviation | None], fitted: Array) -> tuple[AxisRow, ...]:
+def _rows(read: Sequence[Axis], fitting: Fit, tested: Sequence[Deviation | None], fitted: Array) -> tuple[AxisRow, ...]:
     return tuple(
         AxisRow(
             axis.name,
@@ -171,17 +171,17 @@ def _rows(read: Sequence[Axis], found: Fit, tested: Sequence[Deviation | None], 
             float(value),
             None if test is None else test.normalised,
         )
-        for axis, measured, test, value in zip(read, found.measured, tested, fitted, strict=True)
+        for axis, measured, test, value in zip(read, fitting.measured, tested, fitted, strict=True)
     )
 
 
-def _probability(found: Fit) -> float | None:
+def _probability(fitted: Fit) -> float | None:
     """Probability of a chi-square as large by chance; None where there is none."""
-    if not found.freedom:
+    if not fitted.freedom:
         return None
     from scipy.special import chdtrc
 
-    return float(chdtrc(found.freedom, found.chi_square))
+    return float(chdtrc(fitted.freedom, fitted.chi_square))
 
 
 def _disagreement(worst: Deviation, tested: Sequence[Deviation | None], read: Sequence[Axis]) -> Message:
@@ -189,7 +189,7 @@ def _disagreement(worst: Deviation, tested: Sequence[Deviation | None], read: Se
     off = abs(worst.normalised)
     alike = [t for t in tested if t is not None and abs(t.normalised) > 0.999 * off]
     if len(alike) > 1:
-        names = ", ".join(read[one.axis].name for one in alike)
+        names = ", ".join(read[deviation.axis].name for deviation in alike)
         text = (
             f"the axes disagree by {off:.2g} standard uncertainties, and which of {names} is off cannot be decided; "
             "add an axis, and check their directions and levers"
@@ -202,9 +202,9 @@ def _disagreement(worst: Deviation, tested: Sequence[Deviation | None], read: Se
     return Message("axes-disagree", f"{text}. The intervals do not contain this disagreement.")
 
 
-def _constrained(found: Fit, values: Array) -> Message:
+def _constrained(fitted: Fit, values: Array) -> Message:
     """Say that no body has the tensor of the fit, and how far the reported one is from it."""
-    moved = float(np.max(np.abs(values - found.values) / np.sqrt(np.diag(found.covariance))))
+    moved = float(np.max(np.abs(values - fitted.values) / np.sqrt(np.diag(fitted.covariance))))
     return Message(
         "triangle-inequality",
         "the largest principal moment exceeds the sum of the others within the uncertainty, as a thin body's may; the "
@@ -233,17 +233,17 @@ def _notes(axes: Axes, read: Sequence[Axis], tested: Sequence[Deviation | None])
 
 def _exact(axes: Axes) -> list[str]:
     """Keys of quantities without uncertainty that the tensor depends on."""
-    found = [name for name in ("mass", "gravity") if _no_std(getattr(axes.body, name))]
-    found = [f"body.{name}" for name in found]
+    names = [name for name in ("mass", "gravity") if _no_std(getattr(axes.body, name))]
+    names = [f"body.{name}" for name in names]
     if any(table.point is not None for table in axes.tables):
-        found += ["body.centre_of_mass"] if all(map(_no_std, axes.body.centre_of_mass or ())) else []
+        names += ["body.centre_of_mass"] if all(map(_no_std, axes.body.centre_of_mass or ())) else []
     for table, name in zip(axes.tables, axes.names, strict=True):
         levers = [key for key in LEVERS if key != "point" and _no_std(getattr(table, key))]
         levers = [key for key in levers if key != "distance" or table.distance.value]  # type: ignore[union-attr]
         levers += ["point"] if table.point is not None and all(map(_no_std, table.point)) else []
         levers += ["fixture"] if _no_std(table.fixture) else []
-        found += [f"{key} of {name}" for key in [*levers, *([] if table.tilt else ["direction"])]]
-    return found
+        names += [f"{key} of {name}" for key in [*levers, *([] if table.tilt else ["direction"])]]
+    return names
 
 
 def _no_std(given: object) -> bool:

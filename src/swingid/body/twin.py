@@ -44,6 +44,6 @@ def rig_about(
     if rig.axis.kind != "rotary":
         raise UsageError("a body with a tensor needs a rotary axis", code="linear-axis")
     inertia, d = inertia_about(tensor, mass, centre_of_mass, direction, point)
-    own = rig.axis.inertia.value if rig.axis.inertia is not None else 0.0
+    stated = rig.axis.inertia.value if rig.axis.inertia is not None else 0.0
     torque = getattr(rig.axis.gravity_torque, "value", 0.0)
-    return rig.changed({"axis.inertia": own + inertia, "axis.gravity_torque": torque + mass * gravity * d})
+    return rig.changed({"axis.inertia": stated + inertia, "axis.gravity_torque": torque + mass * gravity * d})

@@ -34,7 +34,9 @@ class Found:
     def only(self, names: Sequence[str]) -> Found:
         """The same with these parameters alone."""
         whole = self.evaluated
-        table = {one: {name: row[name] for name in names} for one, row in whole.correlation.items() if one in names}
+        table = {
+            first: {name: row[name] for name in names} for first, row in whole.correlation.items() if first in names
+        }
         parameters = {name: whole.parameters[name] for name in names}
         budget = [entry for entry in whole.budget if entry.parameter in names]
         return replace(self, evaluated=Evaluated(parameters, budget, table if len(names) > 1 else {}))
@@ -49,16 +51,16 @@ class Found:
         return Found(self.name, evaluated, warnings, notes)
 
 
-def _values(found: Evaluated, group: str) -> dict[str, Uncertain]:
+def _values(evaluated: Evaluated, group: str) -> dict[str, Uncertain]:
     """The parameters whose uncertainty is known, with their sources; what is not stated is of this group alone."""
-    known = [name for name, p in found.parameters.items() if p.standard_uncertainty is not None]
-    return values_of(found, known, lambda entry: entry.shared_id or f"{group}: {entry.source}")
+    known = [name for name, p in evaluated.parameters.items() if p.standard_uncertainty is not None]
+    return values_of(evaluated, known, lambda entry: entry.shared_id or f"{group}: {entry.source}")
 
 
 def evaluated_of(values: Mapping[str, Uncertain], units: Mapping[str, str]) -> Evaluated:
     """Parameters by values with their sources: intervals, budget, correlation."""
-    parameters = {name: one.parameter(units[name]) for name, one in values.items()}
-    budget = [entry for name, one in values.items() for entry in one.entries(name)]
+    parameters = {name: value.parameter(units[name]) for name, value in values.items()}
+    budget = [entry for name, value in values.items() for entry in value.entries(name)]
     return Evaluated(parameters, budget, correlation_of(list(values), covariance(list(values.values()))))
 
 
@@ -66,7 +68,7 @@ def result_of(
     method: str,
     logs: Sequence[Recording],
     rig: Rig,
-    found: Evaluated,
+    evaluated: Evaluated,
     warnings: Sequence[Message],
     notes: Sequence[Message],
 ) -> Result:
@@ -74,16 +76,16 @@ def result_of(
     origin = provenance(logs[0], rig)
     if len(logs) > 1:
         sources = [log.source for log in logs]
-        origin |= {"logs": [one.path for one in sources], "logs_sha256": [one.sha256 for one in sources]}
+        origin |= {"logs": [source.path for source in sources], "logs_sha256": [source.sha256 for source in sources]}
     return Result(
         method=method,
         status="warning" if warnings else "ok",
-        parameters=found.parameters,
+        parameters=evaluated.parameters,
         warnings=tuple(dict.fromkeys(warnings)),
         notes=tuple(dict.fromkeys(notes)),
-        budget=tuple(found.budget),
+        budget=tuple(evaluated.budget),
         provenance=origin,
-        correlation=found.correlation,
+        correlation=evaluated.correlation,
     )
 
 

@@ -35,7 +35,7 @@ def brief(result: ResultData) -> str:
     rows += [*_shares(result), *_notes(result)]
     wide = max(len(name) for name, _ in rows) + 2
     lines = [line for name, text in rows for line in _wrapped(f"{name:<{wide}}{text}", " " * wide)]
-    warned = (_wrapped(f"{one.code}: {one.message}", "    ") for one in result.warnings)
+    warned = (_wrapped(f"{warning.code}: {warning.message}", "    ") for warning in result.warnings)
     return "\n".join([*lines, *(line for each in warned for line in each)])
 
 
@@ -77,25 +77,25 @@ def _values(result: ResultData) -> Iterator[tuple[str, str]]:
 def _draws(result: ResultData) -> Iterator[tuple[str, str]]:
     """The leading parameter by propagation of distributions."""
     yield from (("draws", note.message.rstrip(".")) for note in result.notes if note.code == "no-draws")
-    found = result.monte_carlo
-    if found is None:
+    drawn = result.monte_carlo
+    if drawn is None:
         return
-    if result.leading not in found.parameters:
-        yield "draws", f"{found.answered} of {found.draws} have an estimate: too few for a distribution"
+    if result.leading not in drawn.parameters:
+        yield "draws", f"{drawn.answered} of {drawn.draws} have an estimate: too few for a distribution"
         return
-    one = found.parameters[result.leading]
-    ends = interval(one.interval95, middle=one.mean)
-    yield "draws", f"{ends}, shortest 95 % of {found.answered}; {AGREEMENT[one.agrees]}"
+    distribution = drawn.parameters[result.leading]
+    ends = interval(distribution.interval95, middle=distribution.mean)
+    yield "draws", f"{ends}, shortest 95 % of {drawn.answered}; {AGREEMENT[distribution.agrees]}"
 
 
 def _logs(result: ResultData) -> Iterator[tuple[str, str]]:
     """List for each log its value, its deviation from the common one, its warnings, or why it has none."""
-    for one in result.per_log[:MOST_LOGS]:
-        name, _, off, warnings = log_row(one, result)
-        if one.leading not in one.parameters:  # for which reason the warning says
+    for of_log in result.per_log[:MOST_LOGS]:
+        name, _, off, warnings = log_row(of_log, result)
+        if of_log.leading not in of_log.parameters:  # for which reason the warning says
             yield Path(name).name, "no number"
             continue
-        value = expanded(one.main)
+        value = expanded(of_log.main)
         yield Path(name).name, "  ".join(text for text in (value, off, warnings) if text)
     if len(result.per_log) > MOST_LOGS:
         yield "", f"and {counted(len(result.per_log) - MOST_LOGS, 'more log')}: -v"
@@ -138,8 +138,8 @@ def _halved(entry: BudgetEntry, main: Parameter) -> str:
     """The expanded uncertainty where one contribution were half as large, with the coverage factor as it is."""
     if main.standard_uncertainty is None or main.coverage_factor is None:
         return "the interval is still unknown"
-    left = main.standard_uncertainty**2 - 0.75 * entry.standard_uncertainty**2
-    reach = main.coverage_factor * sqrt(max(left, 0.0))
+    remaining = main.standard_uncertainty**2 - 0.75 * entry.standard_uncertainty**2
+    reach = main.coverage_factor * sqrt(max(remaining, 0.0))
     size = percent(reach / abs(main.value)) if main.value else number(reach, main.unit, 2)
     return f"± {size} (95 %)"
 
@@ -147,8 +147,8 @@ def _halved(entry: BudgetEntry, main: Parameter) -> str:
 def _notes(result: ResultData) -> Iterator[tuple[str, str]]:
     if result.notes:
         codes = list(dict.fromkeys(note.code for note in result.notes))
-        left = f" and {len(codes) - MOST_NOTES} more" if len(codes) > MOST_NOTES else ""
-        yield "notes", f"{', '.join(codes[:MOST_NOTES])}{left} (-v shows them)"
+        more = f" and {len(codes) - MOST_NOTES} more" if len(codes) > MOST_NOTES else ""
+        yield "notes", f"{', '.join(codes[:MOST_NOTES])}{more} (-v shows them)"
 
 
 def _wrapped(text: str, further: str) -> list[str]:

@@ -241,12 +241,12 @@ class ResultData:
 
     def to_dict(self) -> dict[str, object]:
         """The result as plain data, schema "swingid.result/1"; NaN and infinities become null."""
-        values = {own.name: getattr(self, own.name) for own in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         values["per_log"] = [result.to_dict() for result in self.per_log]
         values = {IN_FILES.get(name, name): value for name, value in values.items()}
         kept = {name: value for name, value in values.items() if name not in WHERE_GIVEN or value}
-        found: dict[str, object] = plain({"schema": SCHEMA, **kept})
-        return found
+        document: dict[str, object] = plain({"schema": SCHEMA, **kept})
+        return document
 
     def to_json(self) -> str:
         """The result as JSON text."""
@@ -268,8 +268,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, BudgetEntry | Parameter):
         value = value.to_dict()
     if hasattr(value, "__dataclass_fields__"):
-        own = [one.name for one in fields(value) if one.metadata.get("plain", True)]
-        return {name: plain(getattr(value, name)) for name in own}
+        names = [field.name for field in fields(value) if field.metadata.get("plain", True)]
+        return {name: plain(getattr(value, name)) for name in names}
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

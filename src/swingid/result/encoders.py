@@ -23,19 +23,19 @@ CALIBRATED = math.radians(0.002)
 
 def encoder_defaults(rig: Rig) -> dict[str, str]:
     """Keys of encoders that the rig file does not state and that a result depends on, and what they are taken as."""
-    found = {}
-    for table, own in _tables(rig):
-        if not _says_values(own):
-            found[f"{table}.nonlinearity"] = f"0 ± {own.kind.once:g} deg"
-        if _takes_second(own):
-            found[f"{table}.second_harmonic"] = f"0 ± {own.kind.twice:g} deg"
-    axis = {key.replace("sensors.", "sensors.wheel."): text for key, text in found.items()}
-    found = {key: text for key, text in found.items() if axis.get(key) != text}
-    found = {key: text for key, text in found.items() if not text.endswith(" 0 deg")}
+    defaults = {}
+    for table, encoder in _tables(rig):
+        if not _says_values(encoder):
+            defaults[f"{table}.nonlinearity"] = f"0 ± {encoder.kind.once:g} deg"
+        if _takes_second(encoder):
+            defaults[f"{table}.second_harmonic"] = f"0 ± {encoder.kind.twice:g} deg"
+    axis = {key.replace("sensors.", "sensors.wheel."): text for key, text in defaults.items()}
+    defaults = {key: text for key, text in defaults.items() if axis.get(key) != text}
+    defaults = {key: text for key, text in defaults.items() if not text.endswith(" 0 deg")}
     if rig.drive.channel is not None and not rig.sensors.says_latency:
         table = "sensors.wheel" if rig.drive.wheel is not None else "sensors"
-        found[f"{table}.latency"] = f"0 ± {DELAY:.2f} samples"
-    return found
+        defaults[f"{table}.latency"] = f"0 ± {DELAY:.2f} samples"
+    return defaults
 
 
 def _tables(rig: Rig) -> Iterator[tuple[str, Encoder]]:
@@ -46,12 +46,12 @@ def _tables(rig: Rig) -> Iterator[tuple[str, Encoder]]:
         yield "sensors.wheel", rig.sensors.of_wheel
 
 
-def _says_values(own: Encoder) -> bool:
-    return given(own.nonlinearity) or (given(own.nonlinearity_cosine) and given(own.nonlinearity_sine))
+def _says_values(encoder: Encoder) -> bool:
+    return given(encoder.nonlinearity) or (given(encoder.nonlinearity_cosine) and given(encoder.nonlinearity_sine))
 
 
-def _takes_second(own: Encoder) -> bool:
-    return own.second_harmonic is None and (own.sensor is not None or not own.says_nonlinearity)
+def _takes_second(encoder: Encoder) -> bool:
+    return encoder.second_harmonic is None and (encoder.sensor is not None or not encoder.says_nonlinearity)
 
 
 def encoders_cost(rig: Rig, budget: Sequence[BudgetEntry], parameters: Mapping[str, Parameter]) -> list[Message]:
@@ -62,23 +62,23 @@ def encoders_cost(rig: Rig, budget: Sequence[BudgetEntry], parameters: Mapping[s
     inertia = parameters.get("inertia")
     if inertia is None or not inertia.standard_uncertainty:
         return []
-    taken = {table for table, own in _tables(rig) if not _says_values(own)}
-    second = {table for table, own in _tables(rig) if _takes_second(own)}
-    once = [one for one in budget if _table(one, ".nonlinearity.") in taken]
-    twice = [one for one in budget if _table(one, ".second_harmonic.") in second]
+    taken = {table for table, encoder in _tables(rig) if not _says_values(encoder)}
+    second = {table for table, encoder in _tables(rig) if _takes_second(encoder)}
+    once = [entry for entry in budget if _table(entry, ".nonlinearity.") in taken]
+    twice = [entry for entry in budget if _table(entry, ".second_harmonic.") in second]
     cost = combined([*once, *twice], "inertia")
     if cost < MATERIAL * inertia.standard_uncertainty:
         return []
-    stds = {table: math.radians(own.kind.once) for table, own in _tables(rig)}
-    left = math.hypot(
+    stds = {table: math.radians(encoder.kind.once) for table, encoder in _tables(rig)}
+    calibrated = math.hypot(
         *(
-            one.standard_uncertainty * CALIBRATED / stds[_table(one, ".nonlinearity.")]
-            for one in once
-            if one.parameter == "inertia"
+            entry.standard_uncertainty * CALIBRATED / stds[_table(entry, ".nonlinearity.")]
+            for entry in once
+            if entry.parameter == "inertia"
         )
     )
     size = abs(inertia.value)
-    shares = [percent(one / size) for one in (cost, combined(once, "inertia"), left, combined(twice, "inertia"))]
+    shares = [percent(u / size) for u in (cost, combined(once, "inertia"), calibrated, combined(twice, "inertia"))]
     text = (
         "{} of the inertia is the standard uncertainty by encoders of which the rig file states nothing: {} by what "
         "they are off once per turn, of which a minute of two motions and swingid calibrate --encoders leave {}; {} "
@@ -89,5 +89,5 @@ def encoders_cost(rig: Rig, budget: Sequence[BudgetEntry], parameters: Mapping[s
 
 def _table(entry: BudgetEntry, key: str) -> str:
     """The table of the rig file whose encoder an entry is of, "" for other entries."""
-    table, found, _ = (entry.origin.shared_id or "").partition(key)
-    return table if found else ""
+    table, separator, _ = (entry.origin.shared_id or "").partition(key)
+    return table if separator else ""

@@ -19,14 +19,16 @@ def as_ufloats(result: ResultData) -> dict[str, Any]:
 
     Raises InputError without the extra `exchange`.
     """
-    known = {name: one for name, one in result.parameters.items() if one.standard_uncertainty is not None}
-    single = {name: one.ufloat() for name, one in known.items()}
+    known = {
+        name: parameter for name, parameter in result.parameters.items() if parameter.standard_uncertainty is not None
+    }
+    single = {name: parameter.ufloat() for name, parameter in known.items()}
     together = [name for name in known if name in result.correlation]
     if len(together) < 2:
         return single
     from uncertainties import correlated_values_norm
 
-    matrix = [[result.correlation[one][other] for other in together] for one in together]
+    matrix = [[result.correlation[first][second] for second in together] for first in together]
     pairs = [(known[name].value, known[name].standard_uncertainty) for name in together]
     return single | dict(zip(together, correlated_values_norm(pairs, matrix), strict=True))
 
@@ -41,11 +43,11 @@ def as_frame(result: ResultData, *, budget: bool) -> pandas.DataFrame:
     except ImportError:
         raise missing_package("a data frame", "pandas", EXTRA) from None
     if budget:
-        return pandas.DataFrame([one.to_dict() for one in result.budget])
+        return pandas.DataFrame([entry.to_dict() for entry in result.budget])
     rows: dict[str, dict[str, object]] = {}
-    for name, one in result.parameters.items():
-        low, high = one.interval95 or (None, None)
-        rows[name] = one.to_dict() | {"low": low, "high": high}
+    for name, parameter in result.parameters.items():
+        low, high = parameter.interval95 or (None, None)
+        rows[name] = parameter.to_dict() | {"low": low, "high": high}
         del rows[name]["interval95"]
     frame = pandas.DataFrame.from_dict(rows, orient="index")
     frame.index.name = "parameter"

@@ -71,15 +71,15 @@ def _draw_estimate(ax: Axes, inertia: Parameter, scale: float) -> None:
 
 def _draw_logs(ax: Axes, result: ResultData, scale: float) -> None:
     """One point per log: thin bars hold everything (95 %), thick ones type A alone."""
-    names = [file_label(str(one.provenance.get("log") or f"log {k + 1}")) for k, one in enumerate(result.per_log)]
-    first = next(k for k, one in enumerate(result.per_log) if one.leading in one.parameters)
-    for k, one in enumerate(result.per_log):
-        if one.leading not in one.parameters:
+    names = [file_label(str(of_log.provenance.get("log") or f"log {k + 1}")) for k, of_log in enumerate(result.per_log)]
+    first = next(k for k, of_log in enumerate(result.per_log) if of_log.leading in of_log.parameters)
+    for k, of_log in enumerate(result.per_log):
+        if of_log.leading not in of_log.parameters:
             ax.annotate("refused", (k, 0.5), xycoords=("data", "axes fraction"), rotation=90, color=GREY, ha="center")
             continue
-        own = [entry for entry in one.budget if entry.type == "A"]
-        value, whole = scale * one.main.value, one.main.standard_uncertainty or 0.0
-        bars = ((whole, 0.9, "a log, 95 %"), (combined(own, one.leading), 3.0, "type A alone"))
+        scatter = [entry for entry in of_log.budget if entry.type == "A"]
+        value, whole = scale * of_log.main.value, of_log.main.standard_uncertainty or 0.0
+        bars = ((whole, 0.9, "a log, 95 %"), (combined(scatter, of_log.leading), 3.0, "type A alone"))
         for u, width, label in bars:
             reach, named = COVERAGE_FACTOR * u * scale, label if k == first else None
             ax.errorbar(k, value, yerr=reach, fmt="o", ms=5, color=BLUE, elinewidth=width, label=named)

@@ -48,8 +48,9 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
 
 def of_several(first: Mapping[str, object], each: Iterable[Mapping[str, object]]) -> dict[str, object]:
     """Return the provenance of the first log, with all logs in the place of one."""
-    logs, own = list(each), {name: one for name, one in first.items() if name not in ("log", "log_sha256", "rows")}
-    return {f"logs{more}": [one.get(f"log{more}") for one in logs] for more in ("", "_sha256")} | own
+    logs = list(each)
+    shared = {name: value for name, value in first.items() if name not in ("log", "log_sha256", "rows")}
+    return {f"logs{more}": [log.get(f"log{more}") for log in logs] for more in ("", "_sha256")} | shared
 
 
 def of_rig(rig: Rig) -> dict[str, object]:
@@ -60,19 +61,19 @@ def of_rig(rig: Rig) -> dict[str, object]:
 
 def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
     """Value and standard uncertainty (None: exact) of every constant that results of one rig have in common."""
-    found: dict[str, object] = {"axis.gravity_torque": rig.axis.gravity_torque}
+    by_key: dict[str, object] = {"axis.gravity_torque": rig.axis.gravity_torque}
     for term in rig_terms(rig):
-        found |= {term.term.key: term.value} | ({term.term.shift: term.shift} if term.shift.std else {})
+        by_key |= {term.term.key: term.value} | ({term.term.shift: term.shift} if term.shift.std else {})
     if rig.drive.wheel is not None:
-        found["drive.wheel.inertia"] = rig.drive.wheel.inertia
+        by_key["drive.wheel.inertia"] = rig.drive.wheel.inertia
     if rig.drive.motor is not None:
         motor = rig.drive.motor
-        found |= {f"drive.motor.{name}": getattr(motor, name) for name in type(motor).model_fields}
+        by_key |= {f"drive.motor.{name}": getattr(motor, name) for name in type(motor).model_fields}
     if rig.drive.channel == "torque":
-        found["log.torque_gain"] = rig.log.torque_gain
+        by_key["log.torque_gain"] = rig.log.torque_gain
     scales = ("angle_scale", "angle_offset", "angle_speed_scale", "wheel_scale", "voltage_scale")
-    found |= {f"log.{key}": getattr(rig.log, key) for key in scales if stated(rig.log, key)}
-    known = {key: q for key, q in found.items() if isinstance(q, Quantity) and not isinstance(q, UnknownScale)}
+    by_key |= {f"log.{key}": getattr(rig.log, key) for key in scales if stated(rig.log, key)}
+    known = {key: q for key, q in by_key.items() if isinstance(q, Quantity) and not isinstance(q, UnknownScale)}
     return {key: {"value": q.value, "std": q.std} for key, q in known.items()}
 
 
@@ -91,11 +92,11 @@ def add_findings(
     the result; an effect that it has and that its other entries outweigh is a note.
     """
     start, stop = used or (float(log.time[0]), float(log.time[-1]))
-    for own in log.findings:
-        finding = own.within(start, stop)
-        if leave_out is None or finding.kind is not leave_out:
-            is_note = finding.level == "note" or outweighed(budget, "inertia", finding.source)
-            (notes if is_note else warnings).append(Message(finding.code, finding.message, finding.kind))
+    for finding in log.findings:
+        counted = finding.within(start, stop)
+        if leave_out is None or counted.kind is not leave_out:
+            is_note = counted.level == "note" or outweighed(budget, "inertia", counted.source)
+            (notes if is_note else warnings).append(Message(counted.code, counted.message, counted.kind))
 
 
 ROW_ONE = (

@@ -56,10 +56,10 @@ class Ratio:
 
     def of(self, old: Mapping[str, Uncertain]) -> Uncertain:
         """Its value, from the old parameters."""
-        found = Uncertain(1.0)
+        product = Uncertain(1.0)
         for name, power in self.powers.items():
-            found *= old[name] ** power
-        return found if self.by is None else found * self.by[1].uncertain(self.by[0])
+            product *= old[name] ** power
+        return product if self.by is None else product * self.by[1].uncertain(self.by[0])
 
 
 def ratios_of(result: Result, reference: str, by: Scaling | None) -> list[Ratio]:
@@ -70,23 +70,23 @@ def ratios_of(result: Result, reference: str, by: Scaling | None) -> list[Ratio]
     """
     scale, factor = ("inertia", None) if by is None else (by[0], (by[1], by[2]))
     unit = TERMS[reference].unit_on(linear=result.parameters["inertia"].unit == "kg") if reference in TERMS else ""
-    found = []
+    ratios = []
     for name, parameter in result.parameters.items():
         if name == scale and by is not None:
-            found.append(Ratio(reference, unit, {name: -1}, factor))
+            ratios.append(Ratio(reference, unit, {name: -1}, factor))
         elif name == scale and reference == "wheel_inertia":
-            found.append(Ratio("inertia/wheel_inertia", "", {name: 1}))
+            ratios.append(Ratio("inertia/wheel_inertia", "", {name: 1}))
         elif name == scale:
-            found.append(Ratio(f"{reference}/inertia", _over_inertia(reference, unit), {name: -1}))
+            ratios.append(Ratio(f"{reference}/inertia", _over_inertia(reference, unit), {name: -1}))
         elif parameter.unit not in OVER_INERTIA and name != "inertia":
-            found.append(Ratio(name, parameter.unit, {name: 1}))
+            ratios.append(Ratio(name, parameter.unit, {name: 1}))
         elif by is None:
-            found.append(Ratio(f"{name}/inertia", _over_inertia(name, parameter.unit), {name: 1, scale: -1}))
+            ratios.append(Ratio(f"{name}/inertia", _over_inertia(name, parameter.unit), {name: 1, scale: -1}))
         else:
-            found.append(Ratio(name, parameter.unit, {name: 1, scale: -1}, factor))
+            ratios.append(Ratio(name, parameter.unit, {name: 1, scale: -1}, factor))
     if reference == "torque_per_volt" and "viscous" in result.parameters:
-        found.append(Ratio("time_constant", "s", {"inertia": 1, "viscous": -1}))
-    return found
+        ratios.append(Ratio("time_constant", "s", {"inertia": 1, "viscous": -1}))
+    return ratios
 
 
 def _over_inertia(name: str, unit: str) -> str:
@@ -98,18 +98,20 @@ def transformed(result: Result, ratios: list[Ratio]) -> Result:
     """The result with these parameters in the place of its own; their budget, correlation and degrees of freedom."""
     old, values = result.parameters, values_of(result, result.parameters)
     ratios = [ratio for ratio in ratios if all(math.isfinite(values[name].value) for name in ratio.powers)]
-    found = {ratio.name: ratio.of(values) for ratio in ratios}
+    by_name = {ratio.name: ratio.of(values) for ratio in ratios}
     known = [r for r in ratios if all(old[name].standard_uncertainty is not None for name in r.powers)]
-    sure = {ratio.name: found[ratio.name] for ratio in known}
+    sure = {ratio.name: by_name[ratio.name] for ratio in known}
     return replace(
         result,
         parameters={
-            ratio.name: found[ratio.name].parameter(ratio.unit)
+            ratio.name: by_name[ratio.name].parameter(ratio.unit)
             if ratio.name in sure
-            else Parameter.of(found[ratio.name].value, None, ratio.unit)
+            else Parameter.of(by_name[ratio.name].value, None, ratio.unit)
             for ratio in ratios
         },
-        budget=tuple(entry for name, one in found.items() for entry in _ordered(one.entries(name), result.budget)),
+        budget=tuple(
+            entry for name, value in by_name.items() for entry in _ordered(value.entries(name), result.budget)
+        ),
         correlation=correlation_of(list(sure), covariance(list(sure.values()))),
         covariance_of_fit={},
         sensitivities={},
@@ -136,7 +138,9 @@ def converted(details: Details | None, leading: Ratio, old: Mapping[str, Paramet
     if details is None:
         return None
     power = leading.powers["inertia"]
-    scale = leading.of({name: Uncertain(1.0 if name == "inertia" else one.value) for name, one in old.items()}).value
+    scale = leading.of(
+        {name: Uncertain(1.0 if name == "inertia" else parameter.value) for name, parameter in old.items()}
+    ).value
 
     def value(x: Array | float) -> Array:
         return np.asarray(scale * np.asarray(x, dtype=np.float64) ** power)
@@ -157,7 +161,9 @@ def converted(details: Details | None, leading: Ratio, old: Mapping[str, Paramet
             law_torques=friction.law_torques * torque,
         ),
         estimates={
-            name: (float(value(one)), float(spread(one, u))) for name, (one, u) in details.estimates.items() if one
+            name: (float(value(estimate)), float(spread(estimate, u)))
+            for name, (estimate, u) in details.estimates.items()
+            if estimate
         },
         residuals=details.residuals if details.residual_unit else details.residuals * torque,
         convergence=curve and replace(curve, values=value(curve.values)),
@@ -169,7 +175,7 @@ _NUMBER = re.compile(r"(?<=[\d)]) (kg m²|kg m\^2|kg|N m/rad|N m s²|N m s|N m|N
 
 def in_words(messages: tuple[Message, ...], name: str, unit: str) -> tuple[Message, ...]:
     """Messages whose numbers in kg and N are named as multiples of the constant that is the unit of the result."""
-    return tuple(replace(one, message=_NUMBER.sub(_multiple(name, unit), one.message)) for one in messages)
+    return tuple(replace(message, message=_NUMBER.sub(_multiple(name, unit), message.message)) for message in messages)
 
 
 def _multiple(name: str, unit: str) -> Callable[[re.Match[str]], str]:

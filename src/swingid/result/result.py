@@ -88,7 +88,7 @@ class Result(ResultData):
         ((2, 2), True)
         """
         if names is None:
-            names = [name for name, one in self.parameters.items() if one.standard_uncertainty is not None]
+            names = [name for name, parameter in self.parameters.items() if parameter.standard_uncertainty is not None]
         spread = [self[name].standard_uncertainty for name in names]
         if None in spread:
             unknown = names[spread.index(None)]

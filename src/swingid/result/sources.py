@@ -29,21 +29,25 @@ def values_of(
     that they share is one of their scatter, the first source of type A.
     """
     values = {name: value_of(result, name, identity) for name in names}
-    scatter = {name: next((k for k in one.shifts if one.sources[k].type == "A"), "") for name, one in values.items()}
-    found = {}
-    for one, other in combinations(values, 2):
-        a, b = (values[name].shifts.get(scatter[name], 0.0) for name in (one, other))
-        if not a * b or not is_correlated(result, (one, other)):
+    scatter = {
+        name: next((k for k in value.shifts if value.sources[k].type == "A"), "") for name, value in values.items()
+    }
+    correlations = {}
+    for pair in combinations(values, 2):
+        first, second = pair
+        a, b = (values[name].shifts.get(scatter[name], 0.0) for name in pair)
+        if not a * b or not is_correlated(result, pair):
             continue
-        u = [result.parameters[name].standard_uncertainty or 0.0 for name in (one, other)]
-        shared = sum(shift * values[other].shifts.get(key, 0.0) for key, shift in values[one].shifts.items())
-        found[scatter[one], scatter[other]] = (result.correlation[one][other] * u[0] * u[1] - shared) / (a * b)
-    return {name: replace(one, correlations=found) for name, one in values.items()}
+        u = [result.parameters[name].standard_uncertainty or 0.0 for name in pair]
+        shared = sum(shift * values[second].shifts.get(key, 0.0) for key, shift in values[first].shifts.items())
+        scattered = result.correlation[first][second] * u[0] * u[1] - shared
+        correlations[scatter[first], scatter[second]] = scattered / (a * b)
+    return {name: replace(value, correlations=correlations) for name, value in values.items()}
 
 
 def value_of(result: ResultData | Evaluated, name: str, identity: Identity = by_source) -> Uncertain:
     """A parameter with the sources of its budget."""
-    found = Uncertain(result.parameters[name].value)
+    value = Uncertain(result.parameters[name].value)
     for k, entry in enumerate(entry for entry in result.budget if entry.parameter == name):
         key, shift, source = identity(entry), entry.standard_uncertainty, entry.origin
         if entry.sensitivity:
@@ -52,8 +56,8 @@ def value_of(result: ResultData | Evaluated, name: str, identity: Identity = by_
         if entry.type == "A":
             key = f"{name}: {key}"
         # two entries of one identity in one budget are two quantities
-        found += Uncertain.of(0.0, shift, source, key if key not in found.shifts else f"{key} #{k}")
-    return found
+        value += Uncertain.of(0.0, shift, source, key if key not in value.shifts else f"{key} #{k}")
+    return value
 
 
 def is_correlated(result: ResultData | Evaluated, names: Iterable[str]) -> bool:

@@ -132,14 +132,16 @@ def freedom_text(parameter: Parameter) -> str:
 def correlated_pairs(result: ResultData) -> list[tuple[str, str, float]]:
     """Pairs of parameters with their correlation coefficient, the strongest first, down to `UNCORRELATED`."""
     names = list(result.correlation)
-    pairs = [(one, two, result.correlation[one][two]) for k, one in enumerate(names) for two in names[k + 1 :]]
+    pairs = [
+        (first, second, result.correlation[first][second]) for k, first in enumerate(names) for second in names[k + 1 :]
+    ]
     return sorted((pair for pair in pairs if abs(pair[2]) >= UNCORRELATED), key=lambda pair: -abs(pair[2]))
 
 
 def _correlations(result: ResultData) -> list[str]:
     shown = correlated_pairs(result)
-    width = max((len(one) + len(two) for one, two, _ in shown), default=0) + 3
-    return [f"    {one + ' and ' + two:<{width + 2}} {r:+.2f}" for one, two, r in shown[:MOST_ENTRIES]]
+    width = max((len(first) + len(second) for first, second, _ in shown), default=0) + 3
+    return [f"    {first + ' and ' + second:<{width + 2}} {r:+.2f}" for first, second, r in shown[:MOST_ENTRIES]]
 
 
 def value_text(parameter: Parameter, *, fine: bool = False) -> str:
@@ -160,7 +162,7 @@ def relative(parameter: Parameter, *, fine: bool = False) -> str:
 
 def _logs(result: ResultData) -> list[str]:
     """One line per log: its inertia or ratio, how far it is from the common one, its warnings or why it was refused."""
-    rows = [log_row(one, result) for one in result.per_log]
+    rows = [log_row(of_log, result) for of_log in result.per_log]
     if not rows:
         return []
     wide = [max(len(row[k]) for row in rows) for k in range(3)]
@@ -170,14 +172,14 @@ def _logs(result: ResultData) -> list[str]:
     ]
 
 
-def log_row(one: ResultData, common: ResultData, *, fine: bool = False) -> tuple[str, str, str, str]:
+def log_row(result: ResultData, common: ResultData, *, fine: bool = False) -> tuple[str, str, str, str]:
     """Return one of several logs as a row: name, inertia, deviation from the common one, warnings."""
-    name = str(one.provenance.get("log") or "made in memory")
-    if one.leading not in one.parameters:
-        return name, "no number", "", " ".join(one.error.message.split()) if one.error else ""
-    share = one.main.value / common.main.value - 1
+    name = str(result.provenance.get("log") or "made in memory")
+    if result.leading not in result.parameters:
+        return name, "no number", "", " ".join(result.error.message.split()) if result.error else ""
+    share = result.main.value / common.main.value - 1
     off = percent(share if abs(share) > 1e-12 else 0.0, sign=True, fine=fine)
-    return name, value_text(one.main, fine=fine), off, ", ".join(message.code for message in one.warnings)
+    return name, value_text(result.main, fine=fine), off, ", ".join(message.code for message in result.warnings)
 
 
 def _budget(result: ResultData) -> list[str]:
@@ -186,13 +188,13 @@ def _budget(result: ResultData) -> list[str]:
     if inertia is None or not entries:
         return []
     shown, rest = folded(entries, MOST_ENTRIES)
-    left = f"{len(rest)} smaller ones together"
-    width = min(max(len(left), *(len(entry.source) for entry in shown)), 60)
+    rest_words = f"{len(rest)} smaller ones together"
+    width = min(max(len(rest_words), *(len(entry.source) for entry in shown)), 60)
     lines = [
         f"    {entry.type}  {entry.source:<{width}}  {share(entry.standard_uncertainty, inertia)}" for entry in shown
     ]
     if rest:
-        lines.append(f"       {left:<{width}}  {share(combined(rest, result.leading), inertia)}")
+        lines.append(f"       {rest_words:<{width}}  {share(combined(rest, result.leading), inertia)}")
     totals = [(kind, [e for e in entries if e.type == kind]) for kind in ("A", "B")]
     words = {"A": "from the data", "B": "from the rig's constants"}
     text = "; ".join(
@@ -211,15 +213,15 @@ AGREEMENT = {
 
 def _distributions(result: ResultData) -> list[str]:
     """List for each parameter mean, standard uncertainty and shortest interval of the draws, and the comparison."""
-    found = result.monte_carlo
-    if found is None:
+    drawn = result.monte_carlo
+    if drawn is None:
         return []
-    lines = [f"    {found.answered} of {found.draws} draws of everything that is uncertain have an estimate"]
-    for name, one in found.parameters.items():
-        value = plus_minus(one.mean, one.standard_uncertainty, result.parameters[name].unit)
-        ends = interval(one.interval95, middle=one.mean)
-        lines += _wrapped(f"{name}: {value}  shortest 95 %: {ends}; {AGREEMENT[one.agrees]}", "    ", "      ")
-    missing = [name for name in result.parameters if name not in found.parameters]
+    lines = [f"    {drawn.answered} of {drawn.draws} draws of everything that is uncertain have an estimate"]
+    for name, distribution in drawn.parameters.items():
+        value = plus_minus(distribution.mean, distribution.standard_uncertainty, result.parameters[name].unit)
+        ends = interval(distribution.interval95, middle=distribution.mean)
+        lines += _wrapped(f"{name}: {value}  shortest 95 %: {ends}; {AGREEMENT[distribution.agrees]}", "    ", "      ")
+    missing = [name for name in result.parameters if name not in drawn.parameters]
     if missing:
         lines += _wrapped(f"no distribution: {', '.join(missing)} (most draws have another friction law)", "    ")
     return lines

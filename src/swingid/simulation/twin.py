@@ -15,7 +15,7 @@ from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references.base import require_axis
 from swingid.control.references.parse import reference_for
-from swingid.errors import UnanswerableError, UsageError
+from swingid.errors import UsageError
 from swingid.model.integrator import Q1, Q2, STATES, STEP_KERNEL, V1, V2, Z
 from swingid.model.motion import ADVANCE_KERNEL, EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
@@ -131,15 +131,13 @@ class Setup:
     ) -> Recording:
         """The rows that were not lost of a log (rows, 4), in the model's conventions; controller None: open loop.
 
-        Raises UnanswerableError where the motion diverges.
+        Raises UsageError where the motion runs away.
         """
         if not np.isfinite(log).all():
             first = times[int(np.argmin(np.isfinite(log).all(axis=1)))]
-            raise UnanswerableError(
-                f"the simulated motion diverges {first:g} s after the start; give a smaller drive or smaller gains, or "
-                f"correct the constants of rig {self.rig.name}.",
-                code="diverged",
-            )
+            text = f"the motion runs away to infinity after {first:g} s; choose smaller gains, a smaller reference or "
+            text += "a smaller voltage or torque"
+            raise UsageError(text, code="runs-away")
         arguments: dict[str, object] = {
             "duration": self.duration,
             "rate": self.rate,
@@ -211,11 +209,9 @@ def simulate(
     Raises
     ------
     UsageError
-        Contradicting arguments.
+        Contradicting arguments; a motion that runs away to infinity.
     InputError
         A rig without inertia or gravity torque.
-    UnanswerableError
-        A motion that diverges.
 
     Examples
     --------

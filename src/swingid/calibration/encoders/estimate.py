@@ -67,8 +67,8 @@ class Estimate:
     @property
     def scatter(self) -> Array:
         """The covariance; a grid whose errors cancel narrows it, and its correlations stay."""
-        own = np.diag(self.covariance)
-        narrowed = np.sqrt(np.maximum(own + np.minimum(self.grid, 0.0), 0.0) / np.maximum(own, 1e-300))
+        variances = np.diag(self.covariance)
+        narrowed = np.sqrt(np.maximum(variances + np.minimum(self.grid, 0.0), 0.0) / np.maximum(variances, 1e-300))
         result: Array = self.covariance * np.outer(narrowed, narrowed)
         return result
 
@@ -117,20 +117,20 @@ def _rows(
     logs: Sequence[CalibrationLog], signals: Sequence[Signals], rig: Rig, a11: float, b: float, stretch: float = 1.0
 ) -> list[LogRows]:
     """The rows of every log; empty where one of them has too few."""
-    rows = [log.rows(own, rig, a11, b, stretch) for log, own in zip(logs, signals, strict=True)]
-    return [] if None in rows else [one for one in rows if one is not None]
+    rows = [log.rows(of_log, rig, a11, b, stretch) for log, of_log in zip(logs, signals, strict=True)]
+    return [] if None in rows else [log_rows for log_rows in rows if log_rows is not None]
 
 
 def estimate(logs: Sequence[CalibrationLog], rig: Rig, parts: Sequence[Part]) -> Estimate:
     """The parts by all logs together, with the uncertainty that windows of other lengths show."""
-    found = solve(logs, rig, parts)
-    fit, others = found.fit, []
+    estimated = solve(logs, rig, parts)
+    fit, others = estimated.fit, []
     for stretch in STRETCHES:
         stepped(len(logs))
-        rows = _rows(logs, found.signals, found.rig, found.a11, found.b, stretch)
-        if rows and all(len(one.fit.known) > 2 * one.own + 8 for one in rows):
-            others.append(fit_jointly(rows, parts, found.values))
-    values = np.where([part.nuisance for part in parts], fit.values, found.values)
+        rows = _rows(logs, estimated.signals, estimated.rig, estimated.a11, estimated.b, stretch)
+        if rows and all(len(log_rows.fit.known) > 2 * log_rows.own + 8 for log_rows in rows):
+            others.append(fit_jointly(rows, parts, estimated.values))
+    values = np.where([part.nuisance for part in parts], fit.values, estimated.values)
     return replace(fit, values=values, drift=_drift(fit, others))
 
 
@@ -139,14 +139,14 @@ def _drift(chosen: Estimate, others: Sequence[Estimate]) -> Array:
 
     All lengths use the same samples, so the variance of a difference is the difference of the variances.
     """
-    found = np.zeros(len(chosen.parts))
+    spread = np.zeros(len(chosen.parts))
     mine = chosen.uncertainties
     for other in others:
         for k, u in enumerate(other.uncertainties):
             if u < COMPARABLE * mine[k]:
                 gap, variance = float(other.values[k] - chosen.values[k]), abs(float(u**2 - mine[k] ** 2))
-                found[k] = max(found[k], dark_uncertainty(gap, variance, float(mine[k])))
-    return found
+                spread[k] = max(spread[k], dark_uncertainty(gap, variance, float(mine[k])))
+    return spread
 
 
 def fit_jointly(logs: Sequence[LogRows], parts: Sequence[Part], current: Array) -> Estimate:
@@ -158,12 +158,12 @@ def fit_jointly(logs: Sequence[LogRows], parts: Sequence[Part], current: Array) 
     keys += sorted({key for log in logs for key in log.declared} - set(keys))
     common = len(logs[0].fit.unknowns) - logs[0].own
     shared = common + len(keys)
-    own = shared + np.cumsum([0, *(log.own for log in logs)])
-    prior = np.eye(len(keys), own[-1], common)
+    begins = shared + np.cumsum([0, *(log.own for log in logs)])
+    prior = np.eye(len(keys), begins[-1], common)
     scale = np.array([part.prior for part in parts])
     means = np.append(-current / scale, np.zeros(len(keys) - size))
     edges = np.cumsum([len(prior), *(len(log.fit.known) for log in logs)])
-    wide = [_wide(log, keys, own[k], int(own[-1])) for k, log in enumerate(logs)]
+    wide = [_wide(log, keys, begins[k], int(begins[-1])) for k, log in enumerate(logs)]
     errors = np.array([_error(log.fit.fit.residuals) for log in logs])
     for turn in range(ROUNDS):
         columns = [prior, *(block / error for block, error in zip(wide, errors, strict=True))]
@@ -194,13 +194,13 @@ def fit_jointly(logs: Sequence[LogRows], parts: Sequence[Part], current: Array) 
     )
 
 
-def _wide(log: LogRows, keys: Sequence[str], own: int, width: int) -> Array:
+def _wide(log: LogRows, keys: Sequence[str], begin: int, width: int) -> Array:
     """Columns of one log among those of all logs; own: place of its friction."""
     common, nothing = log.fit.columns.shape[1] - log.own, np.zeros(len(log.fit.known))
     result = np.zeros((len(nothing), width))
     result[:, :common] = log.fit.columns[:, :common]
     result[:, common : common + len(keys)] = np.column_stack([log.declared.get(key, nothing) for key in keys])
-    result[:, own : own + log.own] = log.fit.columns[:, common:]
+    result[:, begin : begin + log.own] = log.fit.columns[:, common:]
     return result
 
 
@@ -214,10 +214,10 @@ def _scatter(log: LogRows, influence: Array, residuals: Array) -> Array:
 
     influence (p, rows): of the log's rows on the parts.
     """
-    own = len(log.fit.unknowns)
-    covariance = LinearFit(np.zeros(own), residuals, influence, 1.0).covariance(LAG)
-    found = np.diag(covariance)
-    variances = with_excess(*log.sensor_noise(influence), found, max(len(residuals) - own, 1))
-    scale = np.sqrt(variances / np.maximum(found, 1e-300))
-    result: Array = np.where(np.eye(len(found)) > 0, np.diag(variances), covariance * np.outer(scale, scale))
+    count = len(log.fit.unknowns)
+    covariance = LinearFit(np.zeros(count), residuals, influence, 1.0).covariance(LAG)
+    scattered = np.diag(covariance)
+    variances = with_excess(*log.sensor_noise(influence), scattered, max(len(residuals) - count, 1))
+    scale = np.sqrt(variances / np.maximum(scattered, 1e-300))
+    result: Array = np.where(np.eye(len(scattered)) > 0, np.diag(variances), covariance * np.outer(scale, scale))
     return result

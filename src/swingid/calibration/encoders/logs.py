@@ -104,7 +104,9 @@ class CalibrationLog:
         if fit is None:
             return None
         values = fit.coefficients | {"inertia": a11, "gravity_torque": b}
-        declared = {part_key(one): one.rows * one.std for one in errors_of(rows, signals, rig, fit.equation, values)}
+        declared = {
+            part_key(error): error.rows * error.std for error in errors_of(rows, signals, rig, fit.equation, values)
+        }
         if not signals.linear:
             (zero,) = shaped_errors(rows, signals, "angle", [np.ones_like(signals.angle)], values).T
             declared["zero"] = zero * ZERO

@@ -94,18 +94,18 @@ def _calibrated(several: Sequence[Recording], rig: Rig, plain: Rig, parts: Seque
     for log in several:
         read.append(CalibrationLog.of(log, plain))
         stepped()
-    found = estimate(read, plain, parts)
-    known = found.uncertainties < IDENTIFIABLE * np.array([part.prior for part in parts])
-    determined = tuple(part.key for part, one in zip(parts, known, strict=True) if one and not part.nuisance)
+    estimated = estimate(read, plain, parts)
+    known = estimated.uncertainties < IDENTIFIABLE * np.array([part.prior for part in parts])
+    determined = tuple(part.key for part, is_known in zip(parts, known, strict=True) if is_known and not part.nuisance)
     if not determined:
         name = several[0].source.path or "the log" if len(several) == 1 else f"the {len(several)} logs"
         raise UnanswerableError(
             f"{name}: no parameter of the encoders is identifiable; record large swings of several frequencies.",
             code="not-identifiable",
         )
-    evaluated = _evaluated(found, plain)
-    warnings = list(_strangers(read, plain, found))
-    notes = [*_notes(wanted, determined, found), *exact_in_row_one(rig)]
+    evaluated = _evaluated(estimated, plain)
+    warnings = list(_strangers(read, plain, estimated))
+    notes = [*_notes(wanted, determined, estimated), *exact_in_row_one(rig)]
     for log in several:
         add_findings(log, warnings, notes)
     new, lost = _with_encoders(rig, evaluated.parameters, determined)
@@ -113,44 +113,48 @@ def _calibrated(several: Sequence[Recording], rig: Rig, plain: Rig, parts: Seque
     return EncoderCalibration(result, new, determined)
 
 
-def _evaluated(found: Estimate, rig: Rig) -> Evaluated:
+def _evaluated(estimated: Estimate, rig: Rig) -> Evaluated:
     """All parts but nuisances; a latency is added to the stated one.
 
     The scatter contains the priors of parts that are hardly identifiable, and uncertain constants of the rig.
     """
-    at = {part.key: k for k, part in enumerate(found.parts) if not part.nuisance}
-    units, late = {part.key: part.unit for part in found.parts}, stated_latency(rig).value
-    values = {key: (float(found.values[k]) + late * (units[key] == "s"), units[key]) for key, k in at.items()}
+    at = {part.key: k for k, part in enumerate(estimated.parts) if not part.nuisance}
+    units, late = {part.key: part.unit for part in estimated.parts}, stated_latency(rig).value
+    values = {key: (float(estimated.values[k]) + late * (units[key] == "s"), units[key]) for key, k in at.items()}
     sizes = {
-        "place of the encoder's grid": np.sqrt(np.maximum(found.grid, 0.0)),
-        "drift with the length of the windows": found.drift,
+        "place of the encoder's grid": np.sqrt(np.maximum(estimated.grid, 0.0)),
+        "drift with the length of the windows": estimated.drift,
     }
-    common = [(systematic(source), key, float(own[k])) for source, own in sizes.items() for key, k in at.items()]
+    common = [
+        (systematic(source), key, float(spreads[k])) for source, spreads in sizes.items() for key, k in at.items()
+    ]
     places = np.ix_([*at.values()], [*at.values()])
     name = "scatter of the windows, bounds and constants"
-    return evaluate(values, Scatter(name, found.scatter[places], np.full(len(at), np.inf)), common)
+    return evaluate(values, Scatter(name, estimated.scatter[places], np.full(len(at), np.inf)), common)
 
 
-def _strangers(logs: Sequence[CalibrationLog], rig: Rig, found: Estimate) -> Iterator[Message]:
+def _strangers(logs: Sequence[CalibrationLog], rig: Rig, estimated: Estimate) -> Iterator[Message]:
     """Logs that the common inertia and encoders do not fit."""
     if len(logs) < 2:
         return
-    for log, error in zip(logs, found.errors, strict=True):
-        own = float(solve([log], rig, found.parts).fit.errors[0])
-        if error > FOREIGN * own:
+    for log, error in zip(logs, estimated.errors, strict=True):
+        alone = float(solve([log], rig, estimated.parts).fit.errors[0])
+        if error > FOREIGN * alone:
             text = (
                 f"{log.name} is inconsistent with the other logs: its residuals with one inertia and the same encoders "
-                f"are {error / own:.1f} times those of its own fit; check whether the body was the same, and whether "
+                f"are {error / alone:.1f} times those of its own fit; check whether the body was the same, and whether "
                 "an incremental encoder began at another zero."
             )
             yield Message("logs-differ", text)
 
 
-def _notes(wanted: Sequence[Part], determined: Sequence[str], found: Estimate) -> Iterator[Message]:
+def _notes(wanted: Sequence[Part], determined: Sequence[str], estimated: Estimate) -> Iterator[Message]:
     unknown = [part.key for part in wanted if part.key not in determined]
     if unknown:
         yield Message("not-told", f"not identifiable from these logs, and not written: {', '.join(unknown)}.")
-    for part, value, u in zip(found.parts, found.values.tolist(), found.uncertainties.tolist(), strict=True):
+    for part, value, u in zip(
+        estimated.parts, estimated.values.tolist(), estimated.uncertainties.tolist(), strict=True
+    ):
         if part.nuisance and abs(value) > CERTAIN * u:
             text = (
                 f"the zero of the angle is {plus_minus(value, u, 'rad')} from the hanging position; it is not written."
@@ -162,17 +166,17 @@ def _notes(wanted: Sequence[Part], determined: Sequence[str], found: Estimate) -
         yield Message("bounds", text)
 
 
-def _with_encoders(rig: Rig, found: dict[str, Parameter], determined: Sequence[str]) -> tuple[Rig, list[Message]]:
+def _with_encoders(rig: Rig, parameters: dict[str, Parameter], determined: Sequence[str]) -> tuple[Rig, list[Message]]:
     """The rig with the parts `determined` (keys of `found`) and their uncertainties; stated values of the others go.
 
     A latency is one between two channels: it is written at the wheel (at the angle of a direct drive) with the
     combined uncertainty, and the other channel then counts as exact.
     """
     keys = [f"{table}.{key}" for table in (ANGLE, WHEEL) for key in ONE_ENCODER]
-    values: dict[str, object] = {key: quantity(found[key]) if key in determined else None for key in keys}
+    values: dict[str, object] = {key: quantity(parameters[key]) if key in determined else None for key in keys}
     key = latency_key(rig)
     if key in determined:
-        values[key] = quantity(found[key])
+        values[key] = quantity(parameters[key])
         if key.startswith(WHEEL) and rig.sensors.latency.std is not None:
             values[f"{ANGLE}.latency"] = rig.sensors.latency.value
     return rewritten(rig, values)

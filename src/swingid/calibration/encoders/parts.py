@@ -52,23 +52,23 @@ def tables_of(rig: Rig) -> dict[Channel, str]:
 
 def parts_of(rig: Rig) -> list[Part]:
     """The parts that logs of this rig may make identifiable."""
-    found = []
+    parts = []
     if rig.axis.kind == "rotary":
         for table in tables_of(rig).values():
             spread = declared_spread(rig, table)
-            found += [Part(f"{table}.{key}", spread or WIDE, spread > 0) for key in ONE_ENCODER]
-        found.append(Part("zero", ZERO, False, nuisance=True))
+            parts += [Part(f"{table}.{key}", spread or WIDE, spread > 0) for key in ONE_ENCODER]
+        parts.append(Part("zero", ZERO, False, nuisance=True))
     if rig.drive.channel is not None:
         spread = latency_spread(Encoders.of(rig), rig)
-        found.append(Part(latency_key(rig), spread or LATEST, spread > 0))
-    return found
+        parts.append(Part(latency_key(rig), spread or LATEST, spread > 0))
+    return parts
 
 
 def declared_spread(rig: Rig, table: str) -> float:
     """Stated sensors.nonlinearity (rad) of the encoder of `table`, 0 without one; not the calibrated values."""
-    own = rig.sensors.wheel
-    if table == WHEEL and own is not None and "nonlinearity" in own.model_fields_set:
-        return own.nonlinearity or 0.0
+    wheel = rig.sensors.wheel
+    if table == WHEEL and wheel is not None and "nonlinearity" in wheel.model_fields_set:
+        return wheel.nonlinearity or 0.0
     return rig.sensors.nonlinearity or 0.0
 
 
@@ -95,8 +95,10 @@ def stated_latency(rig: Rig) -> Quantity:
 def uncalibrated(rig: Rig) -> Rig:
     """The rig without values of an earlier calibration: every calibration starts from the readings."""
     tables = ((ANGLE, rig.sensors), (WHEEL, rig.sensors.wheel))
-    found = [f"{name}.{key}" for name, own in tables for key in ONE_ENCODER if getattr(own, key, None) is not None]
-    return rig.changed(dict.fromkeys(found)) if found else rig
+    keys = [
+        f"{name}.{key}" for name, encoder in tables for key in ONE_ENCODER if getattr(encoder, key, None) is not None
+    ]
+    return rig.changed(dict.fromkeys(keys)) if keys else rig
 
 
 def part_key(error: RowError) -> str:
@@ -107,13 +109,15 @@ def part_key(error: RowError) -> str:
 def with_latencies(rig: Rig, changed: Callable[[Quantity], object]) -> Rig:
     """The rig with each stated latency as `changed` makes it."""
     tables = ((ANGLE, rig.sensors), (WHEEL, rig.sensors.wheel))
-    stated = [(table, own) for table, own in tables if own is not None and "latency" in own.model_fields_set]
-    return rig.changed({f"{table}.latency": changed(own.latency) for table, own in stated}) if stated else rig
+    stated = [
+        (table, encoder) for table, encoder in tables if encoder is not None and "latency" in encoder.model_fields_set
+    ]
+    return rig.changed({f"{table}.latency": changed(encoder.latency) for table, encoder in stated}) if stated else rig
 
 
 def with_parts(rig: Rig, values: Array, parts: Sequence[Part]) -> Rig:
     """The rig with these values (parts,) of α and β, and added to the latency; as uncertain as before the logs."""
     late = stated_latency(rig).value
-    own = [(part, float(value)) for part, value in zip(parts, values, strict=True) if not part.nuisance]
-    changes = {part.key: Quantity(value + late * (part.unit == "s"), part.prior) for part, value in own}
+    values_of = [(part, float(value)) for part, value in zip(parts, values, strict=True) if not part.nuisance]
+    changes = {part.key: Quantity(value + late * (part.unit == "s"), part.prior) for part, value in values_of}
     return with_latencies(rig, lambda latency: latency.value).changed(changes)

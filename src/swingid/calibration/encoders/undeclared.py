@@ -57,8 +57,9 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
     except SwingidError:
         return result
     codes = {warning.code for warning in before}
-    left = [one for one in _warnings(again) if one.kind is not Kind.CALIBRATED]
-    settled = all(one.kind not in ALIKE and one.code in codes for one in left)  # nothing of the kind, and nothing new
+    remaining = [message for message in _warnings(again) if message.kind is not Kind.CALIBRATED]
+    # nothing of the kind, and nothing new
+    settled = all(message.kind not in ALIKE and message.code in codes for message in remaining)
     settled &= all(
         _size(better, channel) <= max(at.WIDE, INDICATED * at.declared_spread(rig, table))
         for channel, table in at.tables_of(rig).items()
@@ -67,7 +68,7 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
 
 
 def _warnings(result: Result) -> list[Message]:
-    return [warning for one in (result, *result.per_log) for warning in one.warnings]
+    return [warning for each in (result, *result.per_log) for warning in each.warnings]
 
 
 def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
@@ -77,16 +78,18 @@ def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
     channels that is estimated here enters the identification as an uncertainty about 0.
     """
     uncorrected = any(LATENCY in log.repairs_off for log in logs)
-    found = calibrate_encoders(logs, at.with_latencies(rig, lambda q: Quantity(0.0, q.std)) if uncorrected else rig)
-    better, key = found.rig, at.latency_key(rig)
-    if uncorrected and key in found.determined:
-        late = found.result.parameters[key]
+    calibration = calibrate_encoders(
+        logs, at.with_latencies(rig, lambda q: Quantity(0.0, q.std)) if uncorrected else rig
+    )
+    better, key = calibration.rig, at.latency_key(rig)
+    if uncorrected and key in calibration.determined:
+        late = calibration.result.parameters[key]
         better = better.changed({key: Quantity(0.0, float(np.hypot(late.value, late.standard_uncertainty or 0.0)))})
-    parts = [part for key, part in found.result.parameters.items() if "nonlinearity" in key]
+    parts = [part for key, part in calibration.result.parameters.items() if "nonlinearity" in key]
     # rounding errors of an encoder that repeat with every swing look like a nonlinearity, too
     if not any(abs(part.value) > CERTAIN * (part.standard_uncertainty or np.inf) for part in parts):
         raise UnanswerableError("the encoders' nonlinearity is hardly identifiable.", code="not-identifiable")
-    sizes = [f"{np.degrees(_size(found.rig, channel)):.2g}° {WORDS[channel]}" for channel in at.tables_of(rig)]
+    sizes = [f"{np.degrees(_size(calibration.rig, channel)):.2g}° {WORDS[channel]}" for channel in at.tables_of(rig)]
     shows = "this log shows" if len(logs) == 1 else "these logs show"
     text = (
         f"the rig file does not state the encoders' nonlinearity; {shows} {' and '.join(sizes)} once per turn, which "
@@ -114,6 +117,6 @@ def _size(rig: Rig, channel: Channel) -> float:
 
 def _of_the_file(again: Result, first: Result) -> Result:
     """`again` with the rig of the user's file in its provenance."""
-    per_log = tuple(_of_the_file(one, other) for one, other in zip(again.per_log, first.per_log, strict=True))
+    per_log = tuple(_of_the_file(of_log, other) for of_log, other in zip(again.per_log, first.per_log, strict=True))
     rig = {key: value for key, value in first.provenance.items() if key.startswith("rig")}
     return replace(again, provenance=again.provenance | rig, per_log=per_log)

@@ -129,21 +129,21 @@ def fit_balance(logs: Sequence[WheelLog], start: Array, free: Bools) -> BalanceF
     """
     step = max(log.noise.step for log in logs)
     longest = max(float(np.diff(log.runs, axis=1).max()) for log in logs)
-    half, found = SHORTEST * step, list[BalanceFit]()
-    while half < min(LONGEST, longest / 2) or not found:
+    half, fits = SHORTEST * step, list[BalanceFit]()
+    while half < min(LONGEST, longest / 2) or not fits:
         rows = tuple(part for log in logs if (part := LogRows.of(log, half)) is not None)
         if sum(len(part.target) for part in rows) >= FEWEST_ROWS:
-            found.append(_fit(rows, start, free, half))
+            fits.append(_fit(rows, start, free, half))
         elif half > longest / 2:
             break
         half *= 1.6
-    if not found:
+    if not fits:
         raise UnanswerableError(
             f"{logs[0].name}: the wheel turns one way for {longest:.3g} s at most, too short for the balance; use "
             "lower frequencies in the voltage, or more rows per second.",
             code="too-short",
         )
-    return min(found, key=_log_variance)
+    return min(fits, key=_log_variance)
 
 
 def _log_variance(fit: BalanceFit) -> float:
@@ -159,9 +159,9 @@ def _fit(rows: tuple[LogRows, ...], start: Array, free: Bools, half: float) -> B
     values = start
     for _ in range(2 if len(rows) > 1 else 1):
         values, columns, fit = _gauss_newton(rows, target, weights, values, free)
-        left = np.split(target - columns @ values, np.cumsum(sizes)[:-1])
-        level = [max(float(np.sqrt(np.mean(part**2))), 1e-300) for part in left]
-        weights = np.repeat([level[0] / own for own in level], sizes)
+        residuals = np.split(target - columns @ values, np.cumsum(sizes)[:-1])
+        level = [max(float(np.sqrt(np.mean(part**2))), 1e-300) for part in residuals]
+        weights = np.repeat([level[0] / of_test for of_test in level], sizes)
     covariance = np.zeros((at.COUNT, at.COUNT))
     covariance[np.ix_(free, free)] = fit.covariance(LAG)
     seen = _seen(columns, rows, free)
@@ -276,8 +276,8 @@ def separate(fit: BalanceFit, rig: Rig, name: str) -> Separation:
     return Separation(free, values, emf, coulomb, tuple(notes))
 
 
-def _identifiable(value: float, own: float, of_sum: float) -> bool:
-    return bool(np.isfinite(own) and (own <= APART * abs(value) or own <= NEARLY * of_sum))
+def _identifiable(value: float, spread: float, of_sum: float) -> bool:
+    return bool(np.isfinite(spread) and (spread <= APART * abs(value) or spread <= NEARLY * of_sum))
 
 
 def _require_excitation(fit: BalanceFit, u: Array, name: str) -> None:

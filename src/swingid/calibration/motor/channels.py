@@ -166,12 +166,12 @@ def _runs(speed: Speed, time: Array, gap: float) -> Array:
     broken = np.searchsorted(time[gaps], speed.grid)
     change = np.flatnonzero((np.diff(sign) != 0) | (np.diff(broken) != 0)) + 1
     edges = np.concatenate([[0], change, [len(sign)]])
-    found = []
+    runs = []
     for first, last in pairwise(edges):
         if sign[first] == 0 or last - first < 3:
             continue
         inside = time[(time >= speed.grid[first]) & (time <= speed.grid[last - 1])]
         if len(inside) > FEWEST_ROWS:
             begin = max(inside[0], time[gaps[broken[first] - 1] + 1]) if broken[first] else inside[0]
-            found.append((begin, inside[-1]))
-    return np.array(found).reshape(-1, 2)
+            runs.append((begin, inside[-1]))
+    return np.array(runs).reshape(-1, 2)

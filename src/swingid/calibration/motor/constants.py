@@ -95,18 +95,18 @@ def evaluated(
     Type A is from scatter and from the difference of the two methods, type B from `declared`.
     """
     jacobian = to.jacobian(fit.values)
-    found = to.constants(fit.values)
-    values = {name: (float(value), unit) for (name, unit), value in zip(UNITS.items(), found, strict=True)}
-    gaps = to.constants(other.values) - found
-    own = jacobian @ fit.covariance @ jacobian.T
-    variances = np.diag(jacobian @ other.covariance @ jacobian.T + own)
-    spread = np.sqrt(np.maximum(np.diag(own), 0.0))
+    constants = to.constants(fit.values)
+    values = {name: (float(value), unit) for (name, unit), value in zip(UNITS.items(), constants, strict=True)}
+    gaps = to.constants(other.values) - constants
+    covariance = jacobian @ fit.covariance @ jacobian.T
+    variances = np.diag(jacobian @ other.covariance @ jacobian.T + covariance)
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     source = systematic("disagreement of test functions and output error")
     dark = [
         (source, name, dark_uncertainty(float(gap), float(variance), float(u)))
         for name, gap, variance, u in zip(UNITS, gaps, variances, spread, strict=True)
     ]
-    scattered = Scatter("scatter of the shots and sensor noise", own, np.full(len(values), np.inf))
+    scattered = Scatter("scatter of the shots and sensor noise", covariance, np.full(len(values), np.inf))
     result = evaluate(values, scattered, dark, declared)
     differs = np.abs(gaps) > INDICATED * np.sqrt(np.maximum(variances, 0.0))
     return result, dict(zip(UNITS, differs.tolist(), strict=True))
@@ -116,7 +116,7 @@ def declared_changes(fit: OutputFit, logs: list[WheelLog], split: Separation, to
     """Every declared uncertainty of the rig, and its effect on the constants."""
     base = to.constants(fit.values)
     sensors = ((item, to.constants(fit.values + change)) for item, change in _sensors(fit, logs))
-    return [item.on((found - base) / item.std) for item, found in (*_stated(fit, split, to), *sensors)]
+    return [item.on((changed - base) / item.std) for item, changed in (*_stated(fit, split, to), *sensors)]
 
 
 def _stated(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[tuple[Perturbation, Array]]:
@@ -180,14 +180,14 @@ def _by_axis(fit: OutputFit, error: Error, size: float) -> Array:
 
 
 def calibrated_rig(
-    rig: Rig, found: Mapping[str, Parameter], split: Separation | None, *, coupled: bool
+    rig: Rig, parameters: Mapping[str, Parameter], split: Separation | None, *, coupled: bool
 ) -> tuple[Rig, list[Message]]:
     """The rig with the constants of `found` (names of a calibration, also those held) and their uncertainties.
 
     Values keep two digits more than their uncertainty has. efficiency loses its uncertainty, because it acts only
     through torque_per_volt and back_emf, which carry that of the products.
     """
-    values = {} if split is None else _motor(rig, found, split, coupled=coupled)
+    values = {} if split is None else _motor(rig, parameters, split, coupled=coupled)
     notes = []
     motor = rig.drive.motor
     if split is not None and motor is not None and motor.efficiency.std is not None:
@@ -195,41 +195,41 @@ def calibrated_rig(
         text = "efficiency is written without uncertainty: it acts only with torque_per_volt and back_emf."
         notes.append(Message("efficiency-fixed", text))
     try:
-        new, lost = rewritten(rig, values | _axis(rig, found))
+        new, lost = rewritten(rig, values | _axis(rig, parameters))
     except InputError as error:
         new, lost = rewritten(rig, values)
         notes.append(Message("friction-not-written", f"friction and inertia of the axis were not written: {error}"))
     return new, notes + lost
 
 
-def _axis(rig: Rig, found: Mapping[str, Parameter]) -> dict[str, object]:
+def _axis(rig: Rig, parameters: Mapping[str, Parameter]) -> dict[str, object]:
     """Inertia and friction of a free swing instead of the stated ones; nothing without a swing."""
-    if "axis.inertia" not in found:
+    if "axis.inertia" not in parameters:
         return {}
-    values: dict[str, object] = {"axis.inertia": quantity(found["axis.inertia"], least=0.0)}
+    values: dict[str, object] = {"axis.inertia": quantity(parameters["axis.inertia"], least=0.0)}
     for key in (*(key for key in FRICTION_KEYS if "." not in key), "lugre"):
         name = f"axis.friction.{key}"
-        if name in found:
-            values[name] = quantity(found[name]) if key == "offset" else quantity(found[name], least=0.0)
+        if name in parameters:
+            values[name] = quantity(parameters[name]) if key == "offset" else quantity(parameters[name], least=0.0)
         elif getattr(rig.axis.friction, key) is not None:
             values[name] = None
     return values
 
 
-def _motor(rig: Rig, found: Mapping[str, Parameter], split: Separation, *, coupled: bool) -> dict[str, object]:
+def _motor(rig: Rig, parameters: Mapping[str, Parameter], split: Separation, *, coupled: bool) -> dict[str, object]:
     keys = [*(key for key in MOTOR if key != "back_emf" or split.emf), *(["rotor_inertia"] if coupled else [])]
-    values: dict[str, object] = {f"drive.motor.{key}": quantity(found[f"motor.{key}"], least=0.0) for key in keys}
-    low, high = found["motor.dead_zone.negative"], found["motor.dead_zone.positive"]
+    values: dict[str, object] = {f"drive.motor.{key}": quantity(parameters[f"motor.{key}"], least=0.0) for key in keys}
+    low, high = parameters["motor.dead_zone.negative"], parameters["motor.dead_zone.positive"]
     values["drive.motor.dead_zone"] = [rounded(low), rounded(high)]
     if not split.coulomb:
-        values["drive.motor.coulomb"] = _held_coulomb(rig, found["motor.coulomb"])
+        values["drive.motor.coulomb"] = _held_coulomb(rig, parameters["motor.coulomb"])
     return values
 
 
-def _held_coulomb(rig: Rig, found: Parameter) -> Quantity | float:
+def _held_coulomb(rig: Rig, parameter: Parameter) -> Quantity | float:
     """Coulomb friction that the logs do not distinguish from the dead zone: as the rig states it where possible."""
     assert rig.drive.motor is not None
     known = rig.drive.motor.coulomb
-    if abs(known.value - found.value) <= 1e-9 * abs(known.value):
+    if abs(known.value - parameter.value) <= 1e-9 * abs(known.value):
         return known if known.std is not None else known.value
-    return rounded(found)
+    return rounded(parameter)

@@ -26,22 +26,22 @@ def free_swing(log: Recording, rig: Rig) -> Found:
     Errors as `momentum`.
     """
     alone = _without_drive(rig)
-    found, b = MomentumCheck(prepare(log, alone), momentum).result(), alone.axis.acting_gravity
-    old = values_of(found, found.parameters)
+    result, b = MomentumCheck(prepare(log, alone), momentum).result(), alone.axis.acting_gravity
+    old = values_of(result, result.parameters)
     ratio = (1.0 if b is None else b.value) / old["inertia"]
     values, units = {RATIO: ratio.only(lambda key: key not in (GRAVITY, AXIS_TILT))}, {RATIO: "1/s^2"}
     if rig.axis.acting_gravity is not None:
         carried = _carried(rig)
-        for own, parameter in found.parameters.items():
-            name = "axis.inertia" if own == "inertia" else f"axis.friction.{own}"
-            values[name], units[name] = old[own] - carried if own == "inertia" else old[own], parameter.unit
+        for key, parameter in result.parameters.items():
+            name = "axis.inertia" if key == "inertia" else f"axis.friction.{key}"
+            values[name], units[name] = old[key] - carried if key == "inertia" else old[key], parameter.unit
     evaluated = evaluated_of(values, units)
     name = log.source.path or "the log"
     rests = "" if rig.drive.wheel is None else " and the wheel rests on the rod"
     text = f"{name}: nothing drives the axis{rests}: a free swing."
-    notes = [note for note in found.notes if not alone.reference or note.code != "scale-from-gravity"]
+    notes = [note for note in result.notes if not alone.reference or note.code != "scale-from-gravity"]
     # in a free swing the wheel is to rest on the rod
-    warnings = tuple(w for w in found.warnings if w.kind is not Kind.WHEEL_STILL)
+    warnings = tuple(w for w in result.warnings if w.kind is not Kind.WHEEL_STILL)
     return Found(name, evaluated, warnings, (Message("log-kind", text), *notes))
 
 
@@ -60,5 +60,5 @@ def _carried(rig: Rig) -> Uncertain:
     wheel, motor = rig.drive.wheel, rig.drive.motor
     if wheel is None or motor is None:
         return Uncertain(0.0)
-    own = wheel.inertia.uncertain("drive.wheel.inertia")
-    return own + motor.rotor_inertia.uncertain("drive.motor.rotor_inertia")
+    inertia = wheel.inertia.uncertain("drive.wheel.inertia")
+    return inertia + motor.rotor_inertia.uncertain("drive.motor.rotor_inertia")

@@ -162,13 +162,13 @@ def _motor(logs: list[WheelLog], rig: Rig) -> _Motor:
     stepped()
     refined = fit_output(logs, first.values, split.free)
     whole, differs = evaluated(refined, first, declared_changes(refined, logs, split, to), to)
-    found = Found("the voltage tests", whole).only(_identifiable(split, coupled=coupled))
-    own = dict(zip(UNITS, to.constants(first.values).tolist(), strict=True))
-    warnings, notes = _compared(first, refined, found.parameters, own, differs)
+    answered = Found("the voltage tests", whole).only(_identifiable(split, coupled=coupled))
+    constants = dict(zip(UNITS, to.constants(first.values).tolist(), strict=True))
+    warnings, notes = _compared(first, refined, answered.parameters, constants, differs)
     kinds = [Message("log-kind", f"{log.name}: {KINDS[log.kind]}") for log in logs]
     notes = [*kinds, *notes, *split.notes, *_delay(refined, logs[0].encoders), *_assumed(rig, coupled=coupled)]
-    found = replace(found, warnings=tuple(warnings), notes=tuple(notes))
-    return _Motor(found, whole.parameters, split, coupled, {name: own[name] for name in found.parameters})
+    answered = replace(answered, warnings=tuple(warnings), notes=tuple(notes))
+    return _Motor(answered, whole.parameters, split, coupled, {name: constants[name] for name in answered.parameters})
 
 
 def _identifiable(split: Separation, *, coupled: bool) -> list[str]:
@@ -188,7 +188,7 @@ def _compared(
     first: BalanceFit,
     refined: OutputFit,
     parameters: dict[str, Parameter],
-    own: dict[str, float],
+    constants: dict[str, float],
     differs: dict[str, bool],
 ) -> tuple[list[Message], list[Message]]:
     """Warnings and notes: the difference of both methods, the residuals of the simulation.
@@ -197,7 +197,7 @@ def _compared(
     """
     products = {name: parameters[name] for name in list(UNITS)[:4] if name in parameters}
     clear = {name: p for name, p in products.items() if abs(p.value) > CLEAR * (p.standard_uncertainty or 0)}
-    gaps = {name: abs(own[name] / parameter.value - 1) for name, parameter in clear.items()}
+    gaps = {name: abs(constants[name] / parameter.value - 1) for name, parameter in clear.items()}
     residual = f"the simulated wheel differs from the logged angle by {max(refined.levels):.3g} rad (RMS)."
     left_over = Message("left-over", residual)
     if not gaps:
@@ -254,12 +254,12 @@ def _assumed(rig: Rig, *, coupled: bool) -> list[Message]:
 def _assembled(logs: list[Recording], rig: Rig, motor: _Motor | None, swing: Found | None) -> Calibration:
     """Motor and free swing in one result and one rig file."""
     parts = [*([motor.found] if motor else []), *([swing] if swing else [])]
-    found = parts[0] if len(parts) == 1 else parts[0].joined(parts[1])
-    warnings, notes = [*found.warnings], [*found.notes]
+    whole = parts[0] if len(parts) == 1 else parts[0].joined(parts[1])
+    warnings, notes = [*whole.warnings], [*whole.notes]
     for log in logs:
         add_findings(log, warnings, notes, leave_out=Kind.WHEEL_STILL)
     every = (motor.every if motor else {}) | (swing.parameters if swing else {})
     split = None if motor is None else motor.split
     new, more = calibrated_rig(rig, every, split, coupled=motor is not None and motor.coupled)
-    result = result_of("calibrate", logs, rig, found.evaluated, warnings, [*notes, *more])
+    result = result_of("calibrate", logs, rig, whole.evaluated, warnings, [*notes, *more])
     return Calibration(result, new, {} if motor is None else motor.first)

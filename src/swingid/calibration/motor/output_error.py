@@ -129,7 +129,7 @@ class Shots:
     def each(self, error: Callable[[Array, Array], Array], angle: Array) -> Array:
         """An error (n,) as a function of an angle (n,) and the time since the begin of the shot, shot by shot."""
         cuts = [slice(*cut) for cut in pairwise(self.rows)]
-        return np.concatenate([error(angle[own], self.time[own] - self.time[own.start]) for own in cuts])
+        return np.concatenate([error(angle[shot], self.time[shot] - self.time[shot.start]) for shot in cuts])
 
     def moved(self, values: Array, starts: Array, angle: Array | None = None) -> Prediction:
         """Angles (n,) of the wheel for products (7,); `angle` (of the axis) instead of its own."""
@@ -139,16 +139,16 @@ class Shots:
         states = np.hstack([np.zeros_like(starts), starts])
         p = wheel_vector(values)
         steps = steps_of(STEP_KERNEL, BEGIN_KERNEL, self.time, inputs, flags, self.rows, states, p)
-        found = read_along(steps, self.wheel)
-        return replace(found, outputs=found.outputs - values[COUPLING] * self.rough)
+        readings = read_along(steps, self.wheel)
+        return replace(readings, outputs=readings.outputs - values[COUPLING] * self.rough)
 
     def slopes(self, values: Array, steps: Steps) -> Array:
         """Derivatives (n, 9) along the steps of a motion, by the initial values and the products (7,)."""
         entries = entries_of(list(PLACES.values()), STATES)
         initial, columns = np.array([-1, -1, 0, 1]), STATES + COUNT
-        found = read_with_slopes(steps, initial, wheel_vector(values), entries, np.empty(0), columns)[2]
-        found[:, STATES + COUPLING] -= self.rough
-        return found
+        slopes = read_with_slopes(steps, initial, wheel_vector(values), entries, np.empty(0), columns)[2]
+        slopes[:, STATES + COUPLING] -= self.rough
+        return slopes
 
 
 @dataclass(frozen=True)
@@ -278,7 +278,9 @@ def _covariance(fit: Fit, shots: Shots) -> Array:
     if len(shots) <= count + FEWEST_SPARE:
         lengths = shots.time[shots.rows[1:] - 1] - shots.time[shots.rows[:-1]]
         blocks, used = np.maximum(np.rint(lengths / BLOCK).astype(np.int64), 1), fit.states.size
-    parts = [len(part) for n, own in zip(shots.sizes, blocks, strict=True) for part in np.array_split(np.empty(n), own)]
+    parts = [
+        len(part) for n, shot in zip(shots.sizes, blocks, strict=True) for part in np.array_split(np.empty(n), shot)
+    ]
     scores = fit.scores(np.repeat(np.arange(len(parts)), parts))
     robust = scores @ scores.T * (len(parts) / max(len(parts) - count - used, 1))
     return widened(fit.white(), robust)[0]

@@ -102,8 +102,8 @@ class Analyst:
         pool = self._pool
         try:
             with interruption_waits():  # this starts the workers
-                found = asyncio.get_running_loop().run_in_executor(pool, function, *arguments)
-            return await found
+                future = asyncio.get_running_loop().run_in_executor(pool, function, *arguments)
+            return await future
         except BrokenExecutor:
             if pool is not self._pool:
                 raise UnanswerableError("stopped from the page", code=STOPPED) from None
@@ -157,18 +157,18 @@ def looked(path: str, skip: int = 0) -> dict[str, Any]:
     roles = guess_roles(columns)
     clock = roles.found.get("time")
     named = {column.name: column for column in columns}
-    stamps = np.arange(float(max((len(one.values) for one in columns), default=0)))
+    stamps = np.arange(float(max((len(column.values) for column in columns), default=0)))
     if clock is not None:
         stamps = named[clock.column].values * SECONDS[clock.unit]
     timed = clock is not None and not counts_ticks(clock.column)
     drawn = {}
-    for one in columns:
-        numbers = one.kind in ("numbers", "whole numbers") and len(one.values) == len(stamps)
-        drawn[one.name] = {
-            "unit": one.unit,
-            "what": roles.others.get(one.name, ""),
-            "range": range_of(one),
-            "drawn": envelope(stamps, one.values, COARSE) if numbers and not one.constant else None,
+    for column in columns:
+        numbers = column.kind in ("numbers", "whole numbers") and len(column.values) == len(stamps)
+        drawn[column.name] = {
+            "unit": column.unit,
+            "what": roles.others.get(column.name, ""),
+            "range": range_of(column),
+            "drawn": envelope(stamps, column.values, COARSE) if numbers and not column.constant else None,
         }
     moving = next((roles.found[role] for role in ("angle", "angle_speed") if role in roles.found), None)
     return {
@@ -232,30 +232,30 @@ def track_of(time: Array, angle: Array, wheel: Array | None = None) -> dict[str,
     if not good.any():
         time, angle, good = time[:1], np.zeros(1), np.ones(1, bool)
     middle = float(np.mean(angle[good]))
-    found = {
+    track = {
         "first": float(time[0]),
         "step": 1 / PLAYED,
         "angles": np.round(np.interp(even, time[good], angle[good]), 4).tolist(),
         "scale": float(np.abs(angle[good] - middle).max(initial=0.0)) or 1.0,
     }
     if wheel is not None and (known := np.isfinite(wheel)).any():
-        found["wheel"] = np.round(np.interp(even, time[known], wheel[known]), 3).tolist()
-    return found
+        track["wheel"] = np.round(np.interp(even, time[known], wheel[known]), 3).tolist()
+    return track
 
 
 def inspected(case: Case) -> dict[str, Any]:
     """Findings of `swingid inspect` on the first log, as its JSON."""
     from swingid.study.inspect import inspect_log
 
-    found = inspect_log(case.logs[0][1], Rig.from_text(case.rig, case.source))
-    plain: dict[str, Any] = named({**found.to_dict(), "verdict": vars(found.verdict)}, case)
+    inspection = inspect_log(case.logs[0][1], Rig.from_text(case.rig, case.source))
+    plain: dict[str, Any] = named({**inspection.to_dict(), "verdict": vars(inspection.verdict)}, case)
     return plain
 
 
 def answered(case: Case, method: str, factors: Factors) -> Result:
     """A result; a refusal has the status "refused" and its reason in `error`."""
-    found: Result = named(_answer(case, method, factors), case)
-    return found
+    result: Result = named(_answer(case, method, factors), case)
+    return result
 
 
 def reported(case: Case, method: str, factors: Factors, ending: str) -> bytes:
@@ -295,17 +295,17 @@ def example(name: str, path: str) -> None:
     np.savetxt(path, np.column_stack(columns), fmt="%.7g", delimiter=",", header=",".join(rows), comments="")
 
 
-def named(found: Any, case: Case) -> Any:
+def named(value: Any, case: Case) -> Any:
     """The same with the names of the logs in the place of their paths."""
-    if isinstance(found, str):
+    if isinstance(value, str):
         for name, path in case.logs:
-            found = found.replace(path, name)
-        return found
-    if isinstance(found, dict):
-        return {key: named(value, case) for key, value in found.items()}
-    if is_dataclass(found) and not isinstance(found, type):
-        return replace(found, **{own.name: named(getattr(found, own.name), case) for own in fields(found)})
-    return type(found)(named(one, case) for one in found) if isinstance(found, list | tuple) else found
+            value = value.replace(path, name)
+        return value
+    if isinstance(value, dict):
+        return {key: named(inner, case) for key, inner in value.items()}
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(value, **{field.name: named(getattr(value, field.name), case) for field in fields(value)})
+    return type(value)(named(entry, case) for entry in value) if isinstance(value, list | tuple) else value
 
 
 def _answer(case: Case, method: str, factors: Factors) -> Result:

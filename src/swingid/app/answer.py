@@ -80,36 +80,36 @@ class Answer:
         ui.timer(0.01, lambda: self._others(mine, main), once=True)
         return main
 
-    async def _others(self, mine: int, found: Result) -> None:
+    async def _others(self, mine: int, result: Result) -> None:
         for method in (name for name in METHODS if name != DEFAULT):
-            if found.error is None or found.error.code != STOPPED:  # what a person has stopped is not begun again
-                found = await self.one(method, {})
+            if result.error is None or result.error.code != STOPPED:  # what a person has stopped is not begun again
+                result = await self.one(method, {})
             if self.round != mine or self.methods.is_deleted:
                 return
-            self.found[method] = found
+            self.found[method] = result
             self._draw_methods()
 
     async def one(self, method: str, factors: Mapping[str, float]) -> Result:
         """The result of a method; a refusal where its process was ended."""
         try:
-            found: Result = await self.analyst.do(answered, case_of(self.draft), method, factors)
+            result: Result = await self.analyst.do(answered, case_of(self.draft), method, factors)
         except SwingidError as error:
             return refusal(method, error)
-        return found
+        return result
 
-    def _draw(self, found: Result) -> None:
+    def _draw(self, result: Result) -> None:
         self.main.clear()
         with self.main:
-            if found.error is not None:
-                self._card("No answer", found.error.message, found.error.code)
+            if result.error is not None:
+                self._card("No answer", result.error.message, result.error.code)
                 return
-            number_of(found, linear=self.draft.linear)
-            ui.label(status_of(found)).classes("text-lg swingid-text")
-            for warning in found.warnings:
+            number_of(result, linear=self.draft.linear)
+            ui.label(status_of(result)).classes("text-lg swingid-text")
+            for warning in result.warnings:
                 self._card(warning.code.replace("-", " ").capitalize(), warning.message, warning.code)
-            swings_picture(found)
-            shares(found)
-            rest(found, linear=self.draft.linear)
+            swings_picture(result)
+            shares(result)
+            rest(result, linear=self.draft.linear)
 
     def _card(self, title: str, sentence: str, code: str) -> None:
         """A warning: what, why, what to do, and where a key mends it a button that writes the key."""
@@ -131,19 +131,19 @@ class Answer:
         with self.methods:
             html(forest([(name, *_row_of(self.found.get(name))) for name in METHODS]), "w-full")
 
-    def _make_sliders(self, found: Result) -> None:
+    def _make_sliders(self, result: Result) -> None:
         self.sliders.clear()
         self.factors.clear()
-        self._show_effect(found)
+        self._show_effect(result)
         with self.sliders:
-            for key in found.sensitivities:
+            for key in result.sensitivities:
                 with ui.row().classes("w-full items-center"):  # on a phone the name stands above its slider
                     ui.label(key).classes("w-full sm:w-64 shrink-0 swingid-mono")
                     slider = ui.slider(min=-WIDEST, max=WIDEST, step=WIDEST / 50, value=0.0)
                     slider.props(f'label aria-label="relative change of {key}"').classes("flex-1 min-w-32")
                     shown = ui.label("+0.0 %").classes("w-16 shrink-0 text-right")
                     slider.on("change", lambda event, key=key, at=shown: self._changed(key, float(event.args), at))
-            if not found.sensitivities:
+            if not result.sensitivities:
                 ui.label("This result depends on no constant of the rig file.")
 
     async def _changed(self, key: str, change: float, shown: ui.label) -> None:
@@ -153,15 +153,15 @@ class Answer:
             del self.factors[key]
         self.moved += 1
         mine = self.moved
-        found = await self.one(DEFAULT, dict(self.factors))
+        result = await self.one(DEFAULT, dict(self.factors))
         if self.moved == mine:
-            self._show_effect(found)
+            self._show_effect(result)
 
-    def _show_effect(self, found: Result) -> None:
-        if found.error is not None:
-            self.effect.set_text(found.error.message)
+    def _show_effect(self, result: Result) -> None:
+        if result.error is not None:
+            self.effect.set_text(result.error.message)
             return
-        name, now = found.leading, found.main
+        name, now = result.leading, result.main
         text = f"{name} = {plus_minus(now.value, now.standard_uncertainty, now.unit)}"
         before = None if self.stated is None else self.stated.parameters.get(name)
         if self.factors and before is not None:
@@ -170,32 +170,32 @@ class Answer:
         self.effect.set_text(text)
 
 
-def number_of(found: Result, *, linear: bool) -> None:
+def number_of(result: Result, *, linear: bool) -> None:
     """The value and its U (95 %), large."""
     with ui.column().classes("gap-0 w-full").props('role="group" aria-label="answer"'):
-        words = parameter_word(found.leading, linear=linear).words
+        words = parameter_word(result.leading, linear=linear).words
         ui.label(words[:1].upper() + words[1:]).classes("swingid-quiet")
-        value = value_and_reach(found.main, fine=True)
+        value = value_and_reach(result.main, fine=True)
         ui.label(value.replace("\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}", " ± ")).classes("swingid-large")
-        ui.label(coverage(found.main)).classes("swingid-unit swingid-numbers")
+        ui.label(coverage(result.main)).classes("swingid-unit swingid-numbers")
 
 
-def status_of(found: Result) -> str:
+def status_of(result: Result) -> str:
     """The status in one sentence."""
-    count = len(found.warnings)
+    count = len(result.warnings)
     if not count:
         return "Good: nothing in the log contradicts the rig file."
     return f"Check this number first: {'one warning' if count == 1 else f'{count} warnings'}."
 
 
-def swings_picture(found: Result) -> None:
+def swings_picture(result: Result) -> None:
     """One inertia per swing, the estimate and its interval as a band; of several logs or parts one for each."""
-    main = found.main
-    if found.per_log or found.per_part:
-        each = _parts(found) if found.per_part else [(_log(one), *_row_of(one)) for one in found.per_log]
+    main = result.main
+    if result.per_log or result.per_part:
+        each = _parts(result) if result.per_part else [(_log(of_log), *_row_of(of_log)) for of_log in result.per_log]
         html(forest(each, main), "w-full")
         return
-    swings = None if found.details is None else found.details.swings
+    swings = None if result.details is None else result.details.swings
     if swings is None or len(swings.times) < 2:
         return
     good = np.isfinite(swings.values)
@@ -205,7 +205,7 @@ def swings_picture(found: Result) -> None:
     near = np.abs(values - middle) <= max(OUTSIDE * spread, 1e-12 * abs(middle))
     bounds = main.interval95
     band = None if not bounds else (bounds[0], main.value, bounds[1])
-    words = parameter_word(found.leading, linear=main.unit == "kg").words
+    words = parameter_word(result.leading, linear=main.unit == "kg").words
     title = f"{int(near.sum())} swings give the same {words} to {percent(spread / abs(middle))}"
     if np.mean(~near) > FEW:
         near[:] = True
@@ -224,19 +224,19 @@ def swings_picture(found: Result) -> None:
         ui.label(text).classes("swingid-quiet")
 
 
-def shares(found: Result) -> None:
+def shares(result: Result) -> None:
     """The contributions to the interval, the largest first, and what would reduce that."""
-    entries = sorted_budget(found.budget, found.leading)[:SHOWN]
+    entries = sorted_budget(result.budget, result.leading)[:SHOWN]
     if not entries or not entries[0].standard_uncertainty:
         return
-    largest = share(entries[0].standard_uncertainty, found.main)
+    largest = share(entries[0].standard_uncertainty, result.main)
     first = f"Largest part of the interval: {in_words(entries[0].source)}, {largest}"
-    ui.label(f"{first}. To reduce it: {remedy(entries[0], found.main)}.").classes("swingid-text")
+    ui.label(f"{first}. To reduce it: {remedy(entries[0], result.main)}.").classes("swingid-text")
     rows = []
     for entry in entries:
         width = 100 * entry.standard_uncertainty / entries[0].standard_uncertainty
         track = f'<div class="swingid-bar-track"><div class="swingid-bar-fill" style="width:{width:.1f}%"></div></div>'
-        text = share(entry.standard_uncertainty, found.main, fine=True)
+        text = share(entry.standard_uncertainty, result.main, fine=True)
         rows.append(row(f"<div>{escaped(in_words(entry.source))}</div>{track}<div>{text}</div>"))
     made = "".join(rows)
     html(f'<div class="swingid-rows swingid-shares" role="img" aria-label="contributions">{made}</div>', "w-full")
@@ -248,44 +248,46 @@ def in_words(source: str) -> str:
     return source if word is None else f"{word.words} ({source})"
 
 
-def rest(found: Result, *, linear: bool) -> None:
+def rest(result: Result, *, linear: bool) -> None:
     """Friction and what else was identified; notes on demand."""
-    others = {name: one for name, one in found.parameters.items() if name != found.leading}
+    others = {name: parameter for name, parameter in result.parameters.items() if name != result.leading}
     with ui.column().classes("gap-0"):
-        for name, one in others.items():
+        for name, parameter in others.items():
             words = parameter_word(name, linear=linear).words
-            ui.label(f"{words[:1].upper()}{words[1:]}: {value_and_reach(one, fine=True)}").classes("swingid-numbers")
+            ui.label(f"{words[:1].upper()}{words[1:]}: {value_and_reach(parameter, fine=True)}").classes(
+                "swingid-numbers"
+            )
         if others:
             ui.label("± U (95 %)").classes("swingid-quiet")
-    if found.notes:
-        with more(f"{len(found.notes)} notes: what was assumed and done"):
-            for note in found.notes:
+    if result.notes:
+        with more(f"{len(result.notes)} notes: what was assumed and done"):
+            for note in result.notes:
                 ui.label(_sentence(note.message)).classes("swingid-text")
 
 
-def _row_of(found: Result | None) -> tuple[Parameter | None, str]:
+def _row_of(result: Result | None) -> tuple[Parameter | None, str]:
     """The main parameter of a result, if any, and a mark or a sentence beside it."""
-    if found is None:
+    if result is None:
         return None, "computing …"
-    if found.leading not in found.parameters:
-        return None, _sentence(FILE.sub("", found.error.message) if found.error else "no number")
-    return found.main, "" if found.status == "ok" else " ⚠"
+    if result.leading not in result.parameters:
+        return None, _sentence(FILE.sub("", result.error.message) if result.error else "no number")
+    return result.main, "" if result.status == "ok" else " ⚠"
 
 
-def _log(found: Result) -> str:
-    return str(found.provenance.get("log") or "log")
+def _log(result: Result) -> str:
+    return str(result.provenance.get("log") or "log")
 
 
-def _parts(found: Result) -> list[tuple[str, Parameter | None, str]]:
+def _parts(result: Result) -> list[tuple[str, Parameter | None, str]]:
     """What each part of a log gives alone; its interval by its standard uncertainty and k = 1.96."""
     rows: list[tuple[str, Parameter | None, str]] = []
-    for one in found.per_part:
-        name = f"{one.start:.4g} to {one.stop:.4g} s"
-        if one.value is None:
+    for part in result.per_part:
+        name = f"{part.start:.4g} to {part.stop:.4g} s"
+        if part.value is None:
             rows.append((name, None, "No number."))
         else:
-            mark = "" if one.status == "ok" else " ⚠"
-            rows.append((name, Parameter.of(one.value, one.standard_uncertainty, found.main.unit), mark))
+            mark = "" if part.status == "ok" else " ⚠"
+            rows.append((name, Parameter.of(part.value, part.standard_uncertainty, result.main.unit), mark))
     return rows
 
 

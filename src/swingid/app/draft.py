@@ -83,9 +83,9 @@ class Draft:
 
     def take_guess(self, looked: Mapping[str, Any]) -> None:
         """Columns, units and zero as `analysis.looked` guesses them."""
-        self.columns = {role: found["column"] for role, found in looked["roles"].items()}
-        self.units = {role: found["unit"] for role, found in looked["roles"].items() if found["unit"]}
-        self.why = {role: found["why"] for role, found in looked["roles"].items()}
+        self.columns = {role: role_found["column"] for role, role_found in looked["roles"].items()}
+        self.units = {role: role_found["unit"] for role, role_found in looked["roles"].items() if role_found["unit"]}
+        self.why = {role: role_found["why"] for role, role_found in looked["roles"].items()}
         self.zero = "up" if looked["zero_up"] else "down"
         self.rate = ""
         self.skip = int(looked["skip"])
@@ -95,7 +95,7 @@ class Draft:
 
     def assign(self, column: str, role: str) -> None:
         """Give a column a role ("" for none); what had that role before has none."""
-        self.columns = {one: name for one, name in self.columns.items() if name != column and one != role}
+        self.columns = {other: name for other, name in self.columns.items() if name != column and other != role}
         if role:
             self.columns[role] = column
             self.why[role] = "your choice"
@@ -114,8 +114,8 @@ class Draft:
     @property
     def linear(self) -> bool:
         """Return whether the motion is a length."""
-        own = [self.units.get(role, "") for role in ("angle", "angle_speed") if role in self.columns]
-        return any(unit.removesuffix("/s") in ("m", "mm") for unit in own)
+        units = [self.units.get(role, "") for role in ("angle", "angle_speed") if role in self.columns]
+        return any(unit.removesuffix("/s") in ("m", "mm") for unit in units)
 
     @property
     def rig_kind(self) -> Kind | None:
@@ -138,29 +138,34 @@ class Draft:
         kind = self.rig_kind
         questions = () if kind is None or self.base else kind.questions
         ways = [self.way(question) for question in questions if self.asks(question)]
-        return [one.words for way, texts in ways for one in way.fields if not one.holds(texts.get(one.key, ""))]
+        return [
+            field.words
+            for choice, texts in ways
+            for field in choice.fields
+            if not field.holds(texts.get(field.key, ""))
+        ]
 
     def values(self, *, filled: bool = False) -> dict[str, object]:
         """What was told, at dotted keys of rig.toml; filled: fields that are still empty have their examples."""
         if self.base:
             return dict(self.mends)
         kind = self.rig_kind
-        found: dict[str, object] = {"name": self.name}
+        values: dict[str, object] = {"name": self.name}
         if kind is not None:
-            found |= {"axis.kind": "linear"} if kind.linear else {}
-            found |= {**kind.fixed, "drive.kind": kind.drive}
+            values |= {"axis.kind": "linear"} if kind.linear else {}
+            values |= {**kind.fixed, "drive.kind": kind.drive}
             for question in kind.questions:
-                way, texts = self.way(question)
+                choice, texts = self.way(question)
                 if not self.asks(question):
                     continue
-                found |= way.values
-                for one in way.fields:
-                    text = texts.get(one.key) or (one.example if filled else "")
+                values |= choice.values
+                for field in choice.fields:
+                    text = texts.get(field.key) or (field.example if filled else "")
                     if text:
-                        found |= one.options.get(text, {}) if one.options else {one.key: _typed(text)}
-        if "axis.stiffness" in found:  # of a wire, or in the place of strings whose sizes are not known
-            found = {"axis.gravity_torque": 0} | {key: at for key, at in found.items() if not STRINGS.match(key)}
-        return found | self._log_values() | self.mends
+                        values |= field.options.get(text, {}) if field.options else {field.key: _typed(text)}
+        if "axis.stiffness" in values:  # of a wire, or in the place of strings whose sizes are not known
+            values = {"axis.gravity_torque": 0} | {key: at for key, at in values.items() if not STRINGS.match(key)}
+        return values | self._log_values() | self.mends
 
     def _log_values(self) -> dict[str, object]:
         drive = self.rig_kind.drive if self.rig_kind else "none"
@@ -171,23 +176,23 @@ class Draft:
         if "wheel_angle" in columns:
             columns.pop("wheel_speed", None)
         known = ("time", "angle", "angle_speed", "reference", *CHANNELS.get(drive, ()))
-        found: dict[str, object] = {}
+        values: dict[str, object] = {}
         if self.skip:
-            found["log.skip_rows"] = self.skip
+            values["log.skip_rows"] = self.skip
         if self.rate and "time" not in columns:
-            found["log.rate"] = _typed(self.rate)
+            values["log.rate"] = _typed(self.rate)
         if len(mark) == 2 and not {"angle", "angle_speed"} & columns.keys():
-            found["log.point"] = mark
+            values["log.point"] = mark
         for role in (role for role in known if role in columns):
-            found[f"log.{role}"] = columns[role]
+            values[f"log.{role}"] = columns[role]
             unit = self.units.get(role, "")
             if (unit in UNITS.get(role, ()) and unit != UNITS[role][0]) or (role == "time" and self.ticks and unit):
-                found[f"log.{role}_unit"] = unit
+                values[f"log.{role}_unit"] = unit
             if role == "angle" and self.zero != "down" and not self.linear:
-                found["log.angle_zero"] = _typed(self.zero)
+                values["log.angle_zero"] = _typed(self.zero)
             if self.signs.get(role) == -1 and role in SIGNED:
-                found[f"log.{role}_sign"] = -1
-        return found
+                values[f"log.{role}_sign"] = -1
+        return values
 
     def text(self, *, filled: bool = False) -> str:
         """The rig.toml that follows, see `values`."""
@@ -211,9 +216,9 @@ class Draft:
         """The sentence of `trouble`, with the question and the way to answer it that state the key."""
         kind = self.rig_kind
         for question in () if kind is None or self.base else kind.questions:
-            for way in question.ways:
-                if key in [one.key for one in way.fields] and way != self.way(question)[0]:
-                    return f"{sentence.rstrip('.')}; under “{question.words}” choose “{way.words}”."
+            for choice in question.ways:
+                if key in [field.key for field in choice.fields] and choice != self.way(question)[0]:
+                    return f"{sentence.rstrip('.')}; under “{question.words}” choose “{choice.words}”."
         return sentence
 
     def read_as(self, key: str) -> str:
@@ -264,22 +269,22 @@ BY_CODE: Mapping[str, Mapping[str, object]] = {
 def mend_of(code: str, sentence: str, draft: Draft) -> dict[str, object]:
     """The keys and values that a warning proposes, where rig.toml takes them; {} where it proposes none."""
     under = UNDER.search(sentence)
-    found: dict[str, object] = {}
+    mend: dict[str, object] = {}
     last = None
     for match in MEND.finditer(sentence):
         if last is not None and sentence[last : match.start()] != " and ":
             break  # what else is named is another way
         table = f"{under[1]}." if under and "." not in match[1] else ""
-        found[f"{table}{match[1]}"] = json.loads(match[2])
+        mend[f"{table}{match[1]}"] = json.loads(match[2])
         last = match.end()
-    found = {key: value for key, value in found.items() if "." in key} or dict(BY_CODE.get(code, {}))
+    mend = {key: value for key, value in mend.items() if "." in key} or dict(BY_CODE.get(code, {}))
     try:
         text = draft.text()
-        new = edited(text, found)[0]
+        new = edited(text, mend)[0]
         Rig.from_text(new)
     except SwingidError:
         return {}
-    return found if tomllib.loads(new) != tomllib.loads(text) else {}
+    return mend if tomllib.loads(new) != tomllib.loads(text) else {}
 
 
 def case_of(draft: Draft) -> Case:

@@ -78,9 +78,9 @@ class Place:
             return True
         if self.host not in EVERYWHERE:
             return False
-        own = plain(socket.gethostname())
-        short = own.partition(".")[0]
-        return name in {own, short, f"{short}.local"} or name in addresses()  # as they are now
+        here = plain(socket.gethostname())
+        short = here.partition(".")[0]
+        return name in {here, short, f"{short}.local"} or name in addresses()  # as they are now
 
 
 def plain(host: str) -> str:
@@ -97,8 +97,8 @@ def addresses() -> list[str]:
         from ifaddr import get_adapters  # which NiceGUI brings
     except ImportError:
         return []
-    found = [ip.ip if isinstance(ip.ip, str) else ip.ip[0] for adapter in get_adapters() for ip in adapter.ips]
-    return sorted((plain(address) for address in found), key=lambda address: (":" in address, address))
+    ips = [ip.ip if isinstance(ip.ip, str) else ip.ip[0] for adapter in get_adapters() for ip in adapter.ips]
+    return sorted((plain(address) for address in ips), key=lambda address: (":" in address, address))
 
 
 def host_of(authority: str) -> str | None:
@@ -149,8 +149,8 @@ class Gate:
                 "or start it with --allow-host and the name that you use"
             )
         acts = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
-        own = [f"{scheme}://{hosts[0]}".lower() for scheme in ("http", "https")]  # https: behind a proxy
-        if len(origins) > 1 or (acts and not origins) or (origins and origins[0].lower() not in own):
+        allowed = [f"{scheme}://{hosts[0]}".lower() for scheme in ("http", "https")]  # https: behind a proxy
+        if len(origins) > 1 or (acts and not origins) or (origins and origins[0].lower() not in allowed):
             return "This comes from a page of another address, which may not reach this one"
         site, mode = headers["sec-fetch-site"], headers["sec-fetch-mode"]
         if any(word in ("cross-site", "same-site") for word in site) and mode != ["navigate"]:
@@ -183,12 +183,14 @@ class Gate:
 def _too_large(headers: _Headers) -> bool:
     """Return whether the body of a request is larger than `LARGEST_BODY`, or its length is not stated."""
     lengths = headers["content-length"]
-    return bool(headers["transfer-encoding"]) or any(not one.isdigit() or int(one) > LARGEST_BODY for one in lengths)
+    return bool(headers["transfer-encoding"]) or any(
+        not length.isdigit() or int(length) > LARGEST_BODY for length in lengths
+    )
 
 
-def _same(one: str, other: str) -> bool:
+def _same(first: str, second: str) -> bool:
     """Return whether two texts are the same, in a time that does not tell how far they are."""
-    return hmac.compare_digest(one.encode("utf-8", "replace"), other.encode("utf-8", "replace"))
+    return hmac.compare_digest(first.encode("utf-8", "replace"), second.encode("utf-8", "replace"))
 
 
 class _Headers:

@@ -117,11 +117,11 @@ class Guide:
         self.draft.parts = []
         await self.go(LOOK)
 
-    async def _taken(self, paths: Mapping[str, Path], found: Mapping[str, Any]) -> None:
+    async def _taken(self, paths: Mapping[str, Path], look: Mapping[str, Any]) -> None:
         """Files have come."""
-        self.draft.logs, self.found = dict(paths), found
-        self.draft.take_guess(found)
-        rows = f"{found['rows']} rows" + (f", {found['duration']:.4g} s" if found["duration"] else "")
+        self.draft.logs, self.found = dict(paths), look
+        self.draft.take_guess(look)
+        rows = f"{look['rows']} rows" + (f", {look['duration']:.4g} s" if look["duration"] else "")
         self.lines[LOOK] = f"{', '.join(paths)}: {rows}"
         self.frame.say(f"{rows}. Are these the right columns?")
         if self.draft.base:
@@ -208,11 +208,11 @@ class Guide:
         ui.timer(0.01, lambda: self._run(answer), once=True)
 
     async def _run(self, answer: Answer) -> None:
-        found = await answer.run()
-        if found is None or answer is not self.answer:
+        result = await answer.run()
+        if result is None or answer is not self.answer:
             return
-        if found.parameters:
-            shown = value_and_reach(found.main, fine=True)
+        if result.parameters:
+            shown = value_and_reach(result.main, fine=True)
             self.lines[ANSWER] = f"{shown} (95 %)"
             self.frame.say(f"{shown} (95 %).")
             if self.next is not None:

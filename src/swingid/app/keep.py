@@ -57,8 +57,8 @@ class Keep:
             ui.download.content(content, f"report{ending}")
 
     async def _result(self) -> None:
-        found = await self.analyst.do(answered, case_of(self.draft), str(self.method.value), {})
-        ui.download.content(found.to_json(), "result.json")
+        result = await self.analyst.do(answered, case_of(self.draft), str(self.method.value), {})
+        ui.download.content(result.to_json(), "result.json")
 
 
 def five_lines(case: Case, method: str = DEFAULT) -> str:
@@ -79,7 +79,7 @@ def command(case: Case, method: str = DEFAULT) -> str:
     words = ["swingid", "identify", *(shlex.quote(name) for name, _ in case.logs), "--rig", "rig.toml"]
     words += [] if method == DEFAULT else ["--method", method]
     words += [f"--part {start!r}:{stop!r}" for start, stop in case.parts]
-    return " ".join([*words, *(f"--added {shlex.quote(one)}" for one in case.added)])
+    return " ".join([*words, *(f"--added {shlex.quote(body)}" for body in case.added)])
 
 
 def notebook(case: Case, method: str = DEFAULT) -> str:
@@ -100,5 +100,5 @@ def notebook(case: Case, method: str = DEFAULT) -> str:
 
 
 def _cell(kind: str, source: str) -> dict[str, object]:
-    own: dict[str, object] = {"outputs": [], "execution_count": None} if kind == "code" else {}
-    return {"cell_type": kind, "metadata": {}, "source": source, **own}
+    code_keys: dict[str, object] = {"outputs": [], "execution_count": None} if kind == "code" else {}
+    return {"cell_type": kind, "metadata": {}, "source": source, **code_keys}

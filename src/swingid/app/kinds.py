@@ -91,8 +91,8 @@ ENCODERS = {f"{kind.name}: {kind.words}": kind for kind in encoder_kinds.KINDS i
 def _encoder(name: str, table: str, words: str, unknown: Way) -> Question:
     """What an encoder is; unknown: what follows where it is not known."""
     kind, steps = f"{table}.sensor", f"{table}.counts_per_turn"
-    fixed = {text: {kind: one.name, steps: one.counts} for text, one in ENCODERS.items() if one.counts}
-    others = {text: {kind: one.name} for text, one in ENCODERS.items() if not one.counts}
+    fixed = {text: {kind: encoder.name, steps: encoder.counts} for text, encoder in ENCODERS.items() if encoder.counts}
+    others = {text: {kind: encoder.name} for text, encoder in ENCODERS.items() if not encoder.counts}
     return Question(
         name,
         words,
@@ -277,7 +277,7 @@ def kind_of_rig(rig: Any) -> str:
 
 
 @cache
-def drawing(name: str, left: float = 0.0, width: float = 1.0) -> str:
+def drawing(name: str, begin: float = 0.0, width: float = 1.0) -> str:
     """A drawing of a rig (or a part of its width) as SVG without a style of its own: that of the page colours it."""
     here = Path(__file__).resolve()
     places = here.with_name("rigs"), here.parents[3] / "docs" / "images" / "rigs"  # of a wheel, of the repository
@@ -285,7 +285,7 @@ def drawing(name: str, left: float = 0.0, width: float = 1.0) -> str:
     inner = text[text.index("</style>") + len("</style>") :]
     box = text.split('viewBox="', 1)[1].split('"', 1)[0].split()
     whole = float(box[2])
-    view = f"{left * whole:g} {box[1]} {width * whole:g} {box[3]}"
+    view = f"{begin * whole:g} {box[1]} {width * whole:g} {box[3]}"
     x, y, wide, high = view.split()
     cut = f'<svg x="{x}" y="{y}" width="{wide}" height="{high}" viewBox="{view}">{inner}'  # its own ends hide the rest
     return f'<svg class="swingid-rig" viewBox="{view}" aria-hidden="true">{cut}</svg>'

@@ -114,19 +114,19 @@ class Know:
 
     def _question(self, question: Question) -> None:
         number, texts = self.draft.answers.get(question.name, (0, {}))
-        way = question.ways[number]
+        choice = question.ways[number]
         with ui.element("div").classes("swingid-question").props(f'role="group" aria-label="{question.words}"'):
             with ui.column().classes("gap-1"):
                 ui.label(question.words).classes("swingid-strong")
                 ui.label(question.where).classes("swingid-quiet")
             with ui.column().classes("gap-2 w-full"):
                 with ui.element("div").classes("swingid-chips"):
-                    for k, one in enumerate(question.ways if len(question.ways) > 1 else ()):
-                        choice_button(one.words, k == number, partial(self._choose, question, k))
-                for each in way.fields:
+                    for k, offered in enumerate(question.ways if len(question.ways) > 1 else ()):
+                        choice_button(offered.words, k == number, partial(self._choose, question, k))
+                for each in choice.fields:
                     self._field(question, each, texts.get(each.key, ""))
-                if way.cost:
-                    ui.label(way.cost).classes("swingid-quiet")
+                if choice.cost:
+                    ui.label(choice.cost).classes("swingid-quiet")
 
     def _field(self, question: Question, field: Field, text: str) -> None:
         def put(event: Any) -> None:
@@ -171,10 +171,10 @@ class Know:
         key, sentence = self.draft.trouble()
         kind = self.draft.rig_kind
         fields = [
-            (one, texts)
+            (field, texts)
             for question in (kind.questions if kind else ())
-            for way, texts in [self.draft.way(question)]
-            for one in way.fields
+            for choice, texts in [self.draft.way(question)]
+            for field in choice.fields
         ]
         for field, texts in fields:
             if field.key not in self.wrong:

@@ -282,8 +282,8 @@ class LivePage:
 
     def _share(self) -> float:
         """Share of the time of what goes on that is over, 0 where that is not known."""
-        passed, left = (self.task.progress.get(name, 0.0) for name in ("time", "left"))
-        return passed / (passed + left) if self.runner.busy and passed + left > 0 else 0.0
+        passed, remaining = (self.task.progress.get(name, 0.0) for name in ("time", "left"))
+        return passed / (passed + remaining) if self.runner.busy and passed + remaining > 0 else 0.0
 
     def _sentence(self) -> str:
         """What is going on, and what is next."""
@@ -319,14 +319,14 @@ class LivePage:
             return "stopping …"
         if task.kind != "run" or not progress:
             words = {"connect": "connecting …", "check": "checking …", "rehearse": "rehearsing …"}
-            left = f" {progress['left']:.0f} s at most are left" if progress.get("left") else ""
-            return words.get(str(task.kind), "getting ready …") + left
+            remaining = f" {progress['left']:.0f} s at most are left" if progress.get("left") else ""
+            return words.get(str(task.kind), "getting ready …") + remaining
         silent = time.monotonic() - task.when
         if silent > QUIET:
             return f"no news of the run for {silent:.0f} s: STOP, or the emergency stop"
-        left = f"{progress['time']:.1f} s, {progress['left']:.0f} s left"
+        remaining = f"{progress['time']:.1f} s, {progress['left']:.0f} s left"
         volts = f"{abs(progress['voltage']):.1f} of {progress['limit']:g} V"
-        return f"{progress['state']} · {left} · error {number(progress['tracking'], 'rad', 2)} · {volts}"
+        return f"{progress['state']} · {remaining} · error {number(progress['tracking'], 'rad', 2)} · {volts}"
 
     async def _show_result(self) -> None:
         """The log that was recorded, as the page on a log shows it."""

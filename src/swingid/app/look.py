@@ -92,14 +92,14 @@ class Look:
         try:
             if first is None:
                 raise InputError("no file has come; drop it again", code="no-log")
-            found = await self.analyst.do(looked, str(first), skip)
+            look = await self.analyst.do(looked, str(first), skip)
         except SwingidError as error:
             said(self.state, error.message.replace(f"{first.parent}/" if first else "", ""))
             if first is not None and first.suffix.lower() in TEXTS:
                 with self.state:
                     self._ask_skip(paths, skip)
             return
-        await self.taken(paths, found)
+        await self.taken(paths, look)
 
     def _ask_skip(self, paths: Mapping[str, Path], skip: int) -> None:
         """Lines of a text above its table, where they are not found by themselves."""
@@ -108,12 +108,12 @@ class Look:
             lines.props("dense outlined").classes("w-64")
             plain_button("Read again", lambda: self._take_soon(paths, int(lines.value or 0)))
 
-    def show(self, draft: Draft, found: Mapping[str, Any]) -> None:
+    def show(self, draft: Draft, look: Mapping[str, Any]) -> None:
         """The columns, those with a role first."""
-        self.draft, self.found = draft, found
+        self.draft, self.found = draft, look
         self.place = ui.column().classes("w-full gap-0")
         self._fill()
-        if not found["is_named"]:
+        if not look["is_named"]:
             text = "No line above the numbers names the columns, so they are called column1, column2 and so on."
             ui.label(text).classes("swingid-quiet")
         if next(iter(draft.logs.values())).suffix.lower() in TEXTS:
@@ -172,7 +172,7 @@ class Look:
                     ui.label(name).classes("swingid-plot-title")
                     ui.label(column["range"]).classes("swingid-quiet swingid-numbers")
             else:
-                time, values = (np.asarray(one) for one in column["drawn"])
+                time, values = (np.asarray(drawn) for drawn in column["drawn"])
                 unit = draft.units.get(role, "") or column["unit"]
                 plot = Plot(name, [Line("value", unit, colour=COLOURS.get(role, ""))], height=112 if role else 88)
                 plot.show(time, [values])

@@ -36,7 +36,7 @@ class Part:
         said(place, "reading the log …")
         case = case_of(self.draft)
         try:
-            found = await self.analyst.do(sketched, case)
+            sketch = await self.analyst.do(sketched, case)
         except SwingidError as error:
             place.clear()
             with place:
@@ -47,21 +47,21 @@ class Part:
             return False
         place.clear()
         with place:
-            self._plots(found)
+            self._plots(sketch)
         return True
 
-    def _plots(self, found: Mapping[str, Any]) -> None:
-        self.first, self.last, self.releases = found["first"], found["last"], found["releases"]
-        (name, unit, time, values), *others = found["channels"]
+    def _plots(self, sketch: Mapping[str, Any]) -> None:
+        self.first, self.last, self.releases = sketch["first"], sketch["last"], sketch["releases"]
+        (name, unit, time, values), *others = sketch["channels"]
         alone = len(self.draft.logs) == 1
         if not alone:
             ui.label(f"{len(self.draft.logs)} logs are used whole; this is {next(iter(self.draft.logs))}.")
-        turns, sizes = (np.asarray(each) for each in found["turning"])
+        turns, sizes = (np.asarray(each) for each in sketch["turning"])
         title = f"The {name}: {len(turns)} turning points"
         lines = [Line(name, unit, colour=BLUE), Line("turns", unit, points=True, colour=ORANGE)]
         with ui.element("div").classes("swingid-live"):
             with ui.column().classes("swingid-beside"):
-                RigView(kind_of(self.draft.kind), found["track"])
+                RigView(kind_of(self.draft.kind), sketch["track"])
             with ui.column().classes("w-full gap-2"):
                 if alone:
                     ui.label("Drag over the part to use, or over several.")
@@ -99,7 +99,7 @@ class Part:
             plain_button("Add this part", self._add_typed)
 
     def _add_typed(self) -> None:
-        start, stop = (one.value for one in self.ends)
+        start, stop = (end.value for end in self.ends)
         self._add(self.first if start is None else start, self.last if stop is None else stop)
 
     def _add(self, start: float, stop: float) -> None:
@@ -114,7 +114,7 @@ class Part:
 
     def _toggle(self, part: tuple[float, float]) -> None:
         if part in self.draft.parts:
-            self._set([one for one in self.draft.parts if one != part])
+            self._set([other for other in self.draft.parts if other != part])
         else:
             self._add(*part)
 
@@ -125,26 +125,29 @@ class Part:
     async def inspect(self) -> None:
         """What `swingid inspect` finds: the verdict, what can be mended, all checks on demand."""
         try:
-            found = await self.analyst.do(inspected, case_of(self.draft))
+            inspection = await self.analyst.do(inspected, case_of(self.draft))
         except SwingidError as error:
             said(self.checks, error.message)
             return
         if self.checks.is_deleted:
             return
         self.checks.clear()
-        verdict = found["verdict"]
+        verdict = inspection["verdict"]
         line = verdict["line"]
         with self.checks:
             ui.label(f"{line[:1].upper()}{line[1:]}").classes("swingid-text")
             if verdict["advice"]:
                 advice = verdict["advice"].replace("(--part FROM:TO)", "(drag over it)")
                 ui.label(f"Better: {advice}.").classes("swingid-quiet")
-            tried = found["changes_tried"]
-            wrong = [check for check in found["checks"] if check["level"] == "repair"]
+            tried = inspection["changes_tried"]
+            wrong = [check for check in inspection["checks"] if check["level"] == "repair"]
             proposed = [mend_of(check["code"], check["remedy"], self.draft) for check in wrong]
-            for mend in [tried, *(one for one in proposed if not one.keys() & tried.keys())]:
+            for mend in [
+                tried,
+                *(other for other in proposed if not other.keys() & tried.keys()),
+            ]:
                 if mend:
                     words = ", ".join(f"{key} = {value}" for key, value in mend.items())
                     main_button(f"Set {words}", partial(self.mended, mend)).classes("self-start")
-            with more(f"All {len(found['checks'])} checks of the log"):
-                findings(found["checks"])
+            with more(f"All {len(inspection['checks'])} checks of the log"):
+                findings(inspection["checks"])

@@ -158,10 +158,10 @@ class Runner:
         self._looked = time.monotonic()
         journal = os.path.abspath(self.seen.out) if self.seen.out else None
         with suppress(OSError):
-            found = [one for one in registry.runs() if one.entry.journal == journal]
-            found += [one for one in registry.runs() if self.device and one.is_on(self.device)]
-            self.elsewhere = next(iter(found), None)
-            self.asked = self.asked if found else 0
+            runs = [run for run in registry.runs() if run.entry.journal == journal]
+            runs += [run for run in registry.runs() if self.device and run.is_on(self.device)]
+            self.elsewhere = next(iter(runs), None)
+            self.asked = self.asked if runs else 0
 
     def finish(self, patience: float) -> None:
         """Wait for the end of the task, for so long (s) at most."""

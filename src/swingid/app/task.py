@@ -95,8 +95,8 @@ class View:
         rows = [[row.t, row.q1, row.ym, row.k, row.u, row.q2] for row in progress.new]
         estimate = None
         if progress.fresh and progress.estimate is not None:
-            found, own = progress.estimate, progress.estimate.inertia
-            estimate = [found.swing, found.time, own.value, own.standard_uncertainty, own.unit]
+            online, inertia = progress.estimate, progress.estimate.inertia
+            estimate = [online.swing, online.time, inertia.value, inertia.standard_uncertainty, inertia.unit]
         shown = {
             "state": progress.state.name.lower(),
             **{name: getattr(progress, name) for name in ("time", "left", "tracking", "gain", "voltage", "limit")},
@@ -257,15 +257,17 @@ def _check(task: Task, rig: Rig, view: View) -> None:
                 session.require_ready()
                 view.say("signs are not checked: that needs a reaction wheel")
                 return
-            found = commission(session, rig, progress=view.say)
+            commissioning = commission(session, rig, progress=view.say)
         except StoppedError:
             if session.hello is not None:
                 session.stop()  # until the device answers; the end of the session sends it again
             view.say("stopped: 0 V")
             raise
-    for line in found.lines():
+    for line in commissioning.lines():
         view.say(line)
-    wrong = [name for name in ("wheel_sign", "voltage_sign") if getattr(found, name) != getattr(rig.device, name)]
+    wrong = [
+        name for name in ("wheel_sign", "voltage_sign") if getattr(commissioning, name) != getattr(rig.device, name)
+    ]
     if wrong:
         text = f"{task.rig}: device.{' and device.'.join(wrong)} must be the other sign; swingid commission writes it"
         raise InputError(text, code="wrong-sign")
@@ -286,8 +288,8 @@ def _rehearse(task: Task, rig: Rig, view: View) -> None:
             view.draw(rows, {})
 
     span = {"duration": order.duration, "rate": rate, "fade": order.fade}
-    found = rehearsed(rig, order.motion, order.controller, limits, seen, **span)
-    view.say(found.words())
+    rehearsal = rehearsed(rig, order.motion, order.controller, limits, seen, **span)
+    view.say(rehearsal.words())
     view.say("within the limits of the guard")
 
 

@@ -144,4 +144,4 @@ class Hypothesis:
     own: bool = False
     contradicts: bool = False
     kind: Kind | None = None
-    entries: Callable[[Evidence, float, bool], dict[str, float]] = field(default=lambda evidence, u, own: {})
+    entries: Callable[[Evidence, float, bool], dict[str, float]] = field(default=lambda evidence, u, of_balance: {})

@@ -36,10 +36,10 @@ def _help(context: typer.Context, command: Annotated[str | None, typer.Argument(
     if command is None:
         typer.echo(root.get_help())
         return
-    found = root.command.get_command(root, command)  # type: ignore[attr-defined]
-    if found is None:
+    target = root.command.get_command(root, command)  # type: ignore[attr-defined]
+    if target is None:
         raise UsageError(f"there is no command {command!r}; see swingid --help", code="no-command")
-    typer.echo(found.get_help(found.make_context(command, [], root, resilient_parsing=True)))
+    typer.echo(target.get_help(target.make_context(command, [], root, resilient_parsing=True)))
 
 
 @app.command("version", hidden=True)

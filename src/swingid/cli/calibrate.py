@@ -65,8 +65,8 @@ def calibrate(
     laboratory = check_report(report, certificate)
     provenance: dict[str, object] = {"log": logs[0], "logs": logs, "rig_source": rig}
     with refusals_to(json, "calibrate-encoders" if encoders else "calibrate", provenance):
-        found, is_changed = _calibrate(logs, rig, encoders, out, json, report, laboratory)
-    hand_over(found.result, json, out, report)
+        calibration, is_changed = _calibrate(logs, rig, encoders, out, json, report, laboratory)
+    hand_over(calibration.result, json, out, report)
     if out is not None and not is_changed:
         say(f"{out} is {rig} unchanged: these logs change none of its constants")
 
@@ -96,11 +96,11 @@ def _calibrate(
     run: Callable[[list[Recording], Rig], Calibration | EncoderCalibration]
     run = calibrate_encoders if encoders else of_motor
     with shown(Progress("steps")):
-        found = run(recordings, plant)
+        calibration = run(recordings, plant)
     if out is not None:
-        write_whole(Path(out), found.rig.text.encode())
+        write_whole(Path(out), calibration.rig.text.encode())
     if report is not None:
         from swingid.report import write_report
 
-        write_report(found.result, recordings[0], plant, Path(report), laboratory)
-    return found, found.rig.text != plant.text
+        write_report(calibration.result, recordings[0], plant, Path(report), laboratory)
+    return calibration, calibration.rig.text != plant.text

@@ -62,15 +62,15 @@ def commission(
         if encoders_only:
             from swingid.live.firmware_encoders import by_hand
 
-            for one in by_hand(session, progress=output.tell):
-                output.tell(f"{one.name}: seen over {one.range:.0f} deg, every sample with a reading")
+            for encoder in by_hand(session, progress=output.tell):
+                output.tell(f"{encoder.name}: seen over {encoder.range:.0f} deg, every sample with a reading")
             return
-        found = found_on(session, stated, progress=lambda line: output.tell(line, to_error=True))
-    values = found.values(stated, address)
+        commissioning = found_on(session, stated, progress=lambda line: output.tell(line, to_error=True))
+    values = commissioning.values(stated, address)
     if json is not None:
-        document = {**asdict(found), "values": values, "rig": rig, "device": address}
+        document = {**asdict(commissioning), "values": values, "rig": rig, "device": address}
         output.write_json(jsons.dumps(document, indent=2) + "\n", json)
-    for line in found.lines() if json != "-" else ():
+    for line in commissioning.lines() if json != "-" else ():
         output.tell(line)
     _write(stated, values, target, quiet=json == "-")
 

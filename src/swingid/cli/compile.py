@@ -93,8 +93,8 @@ class Bar:
 
     def __call__(self, part: float, seconds: float) -> None:
         """`part` (0 to 1) took so many seconds."""
-        left = f", {output.time_left(seconds / part * (1.0 - part))} left" if 0.1 < part < 1.0 else ""
-        text = f"{100 * part:.0f} % of the kernels{left}"
+        remaining = f", {output.time_left(seconds / part * (1.0 - part))} left" if 0.1 < part < 1.0 else ""
+        text = f"{100 * part:.0f} % of the kernels{remaining}"
         now, last = time.monotonic(), part >= 1.0 - 1e-9
         due = now - self.shown > EVERY and not last
         if not output.overwrite(f"{bar(round(1000 * part), 1000)} {text}", last=last) and due:

@@ -45,20 +45,23 @@ class Diagnosis:
         """JSON text, schema "swingid.doctor/1"."""
         import json
 
-        lines = [asdict(one) for one in self.findings]
+        lines = [asdict(finding) for finding in self.findings]
         return json.dumps({"schema": "swingid.doctor/1", "findings": lines}, indent=2, ensure_ascii=False) + "\n"
 
     def summary(self) -> str:
         """One line per finding, by group; what to do follows an arrow."""
-        width = max(len(one.what) for one in self.findings)
+        width = max(len(finding.what) for finding in self.findings)
         lines: list[str] = []
-        for one in self.findings:
-            title = f"[[{one.group}]]"
+        for finding in self.findings:
+            title = f"[[{finding.group}]]"
             if title not in lines:
                 lines.append(title)
-            mark = {"ok": " ", "note": "-", "fault": "!"}[one.level]
-            lines.append(f"  {mark} {one.what:<{width}}  {one.found}" + (f" → {one.remedy}" if one.remedy else ""))
-        faults = sum(one.level == "fault" for one in self.findings)
+            mark = {"ok": " ", "note": "-", "fault": "!"}[finding.level]
+            lines.append(
+                f"  {mark} {finding.what:<{width}}  {finding.found}"
+                + (f" → {finding.remedy}" if finding.remedy else "")
+            )
+        faults = sum(finding.level == "fault" for finding in self.findings)
         return "\n".join([*lines, f"{faults} fault{'' if faults == 1 else 's'}" if faults else "no faults"])
 
 
@@ -83,13 +86,13 @@ def _versions() -> Iterator[Finding]:
             yield Finding("versions", "ok", name, version(name))
         except PackageNotFoundError:
             yield Finding("versions", "fault", name, "not installed", "pip install swingid")
-    found = shutil.which("swingid")
-    own = Path(sys.executable).with_name("swingid")
-    if found is None:
-        remedy = f"run {own} or python -m swingid, or activate the environment"
+    on_path = shutil.which("swingid")
+    beside = Path(sys.executable).with_name("swingid")
+    if on_path is None:
+        remedy = f"run {beside} or python -m swingid, or activate the environment"
         yield Finding("versions", "note", "command", "swingid is not on PATH", remedy)
     else:
-        yield Finding("versions", "ok", "command", found)
+        yield Finding("versions", "ok", "command", on_path)
 
 
 def _extras() -> Iterator[Finding]:
@@ -156,10 +159,10 @@ def _ports() -> Iterator[Finding]:
         return
     from swingid.live.devices.serial_port import group_of, ports
 
-    found = ports()
-    if not found:
+    names = ports()
+    if not names:
         yield Finding("ports", "ok", "serial ports", "none")
-    for port in found:
+    for port in names:
         if os.name == "posix" and Path(port).exists() and not os.access(port, os.R_OK | os.W_OK):
             remedy = f"sudo usermod -aG {group_of(port)} $USER, then log in again"
             yield Finding("ports", "fault", port, "permission denied", remedy)

@@ -35,8 +35,8 @@ def export(
     from swingid.exchange.model import rig_of
     from swingid.result.file import load_result
 
-    found = load_result(result)
-    output.tell(run(found, rig_of(found, rig), to.value, out).summary())
+    identified = load_result(result)
+    output.tell(run(identified, rig_of(identified, rig), to.value, out).summary())
 
 
 class Name(StrEnum):

@@ -63,12 +63,12 @@ def design(
         required(plant, uncertainty, **options)
         compile_first("simulate")
         with shown(Progress("steps")):
-            found = run(plant, uncertainty, **options)
+            answer = run(plant, uncertainty, **options)
     except SwingidError as error:
         if json is not None and not isinstance(error, UsageError):
             output.write_json(refused(plant, error), json)
         raise
-    output.hand_over(found, json)
+    output.hand_over(answer, json)
 
 
 def rehearse(

@@ -248,12 +248,12 @@ def _with_draws(log: Recording, rig: Rig, result: Result, draws: int, options: d
 
 def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording | LargeLog | SwingidError]:
     """The logs by their names; the error of one that cannot be used in its place, for the others still count."""
-    found: dict[str, Recording | LargeLog | SwingidError] = {}
+    recordings: dict[str, Recording | LargeLog | SwingidError] = {}
     for log in logs:
-        if log in found:
+        if log in recordings:
             raise UsageError(f"{log} was given twice; a run counts once", code="same-log-twice")
         try:
-            found[log] = reading.load(log, rig)
+            recordings[log] = reading.load(log, rig)
         except SwingidError as error:
-            found[log] = error
-    return found
+            recordings[log] = error
+    return recordings

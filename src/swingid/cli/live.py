@@ -40,12 +40,12 @@ def recover(
         output.check_writable(out)
     from swingid.live.recover import recover as run
 
-    found, path = run(file, out)
-    counts = ", ".join(f"{count} of {topic}" for topic, count in found.messages.items())
+    recovered, path = run(file, out)
+    counts = ", ".join(f"{count} of {topic}" for topic, count in recovered.messages.items())
     if path is None:
         output.tell(f"{file} is whole ({counts}); nothing to recover")
         return
-    lost = f"; {found.damaged} damaged blocks left out" if found.damaged else ""
+    lost = f"; {recovered.damaged} damaged blocks left out" if recovered.damaged else ""
     output.tell(f"wrote {path}: {counts}{lost}")
 
 
@@ -160,12 +160,12 @@ def _share(text: str) -> float:
     from swingid.units import parse_quantity
 
     try:
-        found = parse_quantity(text, "", "--until").value
+        share = parse_quantity(text, "", "--until").value
     except InputError as error:
         raise UsageError(f'{error.message}; write for example "0.05%"', code=error.code) from None
-    if not 0.0 < found < 1.0:
+    if not 0.0 < share < 1.0:
         raise UsageError(f'--until {text} is no share of the inertia; write for example "0.05%"', code="out-of-range")
-    return found
+    return share
 
 
 class LiveLine:

@@ -94,8 +94,8 @@ def _text_for(log: str) -> str:
     from swingid.recording.large import first_rows, is_large
     from swingid.recording.load import read_bytes
 
-    found = first_rows(log) if is_large(log) else read_table(read_bytes(log), log)
-    columns = {column.name: column for column in describe(found)}
+    read = first_rows(log) if is_large(log) else read_table(read_bytes(log), log)
+    columns = {column.name: column for column in describe(read)}
     roles = guess_roles(list(columns.values()))
     if not roles.has_motion:
         names = ", ".join(repr(name[:40]) for name in list(columns)[:8])
@@ -132,20 +132,20 @@ def inspect(
     if rig is None and has_rig(log):
         rig = log
     plant = None if rig is None else Rig.load(rig)
-    found = inspect_log(log, plant)
+    inspection = inspect_log(log, plant)
     if report is not None:
         from swingid.report.html import write_inspection
 
-        write_inspection(found, report)
-    output.hand_over(found, json, report)
+        write_inspection(inspection, report)
+    output.hand_over(inspection, json, report)
     if plot == "-":
         from swingid.report.terminal import plot_of
 
-        output.tell(f"\n{plot_of(found)}", to_error=json == "-")
+        output.tell(f"\n{plot_of(inspection)}", to_error=json == "-")
     elif plot is not None:
         from swingid.report.html import write_plot
 
-        output.say(f"wrote {write_plot(found, plot)}")
+        output.say(f"wrote {write_plot(inspection, plot)}")
 
 
 def convert(
@@ -205,10 +205,10 @@ def _show(sets: tuple[DataSet, ...], json: str | None) -> None:
         from dataclasses import asdict
         from json import dumps
 
-        content = {"schema": "swingid.datasets/1", "datasets": [asdict(one) for one in sets]}
+        content = {"schema": "swingid.datasets/1", "datasets": [asdict(dataset) for dataset in sets]}
         output.write_json(dumps(content, indent=2, ensure_ascii=False) + "\n", json)
     else:
-        output.tell("\n\n".join(_entry(one) for one in sets))
+        output.tell("\n\n".join(_entry(dataset) for dataset in sets))
 
 
 def _entry(dataset: DataSet) -> str:

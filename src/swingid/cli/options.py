@@ -28,13 +28,13 @@ def rig_of(rig: str | None, logs: Sequence[str]) -> str:
         return rig
     from swingid.model.rig.inside import ENDING, has_rig
 
-    found = next((log for log in logs if has_rig(log)), None)
-    if found is None:
+    journal = next((log for log in logs if has_rig(log)), None)
+    if journal is None:
         for log in logs:
             if log.lower().endswith(ENDING) and not Path(log).exists():
                 raise InputError(f"{log} does not exist; give the path of a log", code="missing-file")
         raise typer.BadParameter("give a rig file; only the journal of a live run has one inside", param_hint="'--rig'")
-    return found
+    return journal
 
 
 NAMES = "|".join(METHODS)

@@ -207,11 +207,11 @@ class Answer(Protocol):
         ...
 
 
-def hand_over(found: Answer, json: str | None, *written: str | None, text: str | None = None) -> None:
+def hand_over(answer: Answer, json: str | None, *written: str | None, text: str | None = None) -> None:
     """Write the JSON to its file, show the text or else the summary, name the files written before, None left out."""
     if json is not None:
-        write_json(found.to_json(), json)
-    tell(found.summary() if text is None else text, to_error=json == "-")
+        write_json(answer.to_json(), json)
+    tell(answer.summary() if text is None else text, to_error=json == "-")
     for target in written:
         if target is not None:
             say(f"wrote {target}")

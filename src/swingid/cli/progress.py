@@ -29,8 +29,8 @@ class Progress:
         now = time.monotonic()
         text = f"{self._number(done)} of {self._number(total)} {self.unit}"
         if self.first is not None and done > self.first[1]:
-            left = (now - self.first[0]) / (done - self.first[1]) * max(total - done, 0)
-            text += f", {time_left(left)} left" if done < total else ""
+            remaining = (now - self.first[0]) / (done - self.first[1]) * max(total - done, 0)
+            text += f", {time_left(remaining)} left" if done < total else ""
         elif self.first is None and done > 0:
             self.first = now, done
         if not overwrite(f"{bar(done, total)} {text}", last=done >= total) and now - self.shown > EVERY:

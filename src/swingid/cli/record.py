@@ -42,10 +42,10 @@ def record(
     output.check_targets({"--out": out}, {stream.path: "what is recorded"} if stream.path else {})
     output.check_writable(out)
     try:
-        found = run(stream, out, seconds=duration, idle=idle, names=names, rate=rate, cut=stream.path is None)
+        recorded = run(stream, out, seconds=duration, idle=idle, names=names, rate=rate, cut=stream.path is None)
     finally:
         stream.close()
-    bad = f", {found.bad} lines were no row" if found.bad else ""
-    output.tell(f"wrote {out}: {found.rows} rows of {', '.join(found.columns)}{bad}; ended: {found.end}")
-    if not found.named:
+    bad = f", {recorded.bad} lines were no row" if recorded.bad else ""
+    output.tell(f"wrote {out}: {recorded.rows} rows of {', '.join(recorded.columns)}{bad}; ended: {recorded.end}")
+    if not recorded.named:
         output.say("nothing names the columns: give --columns, or name them in [log] of rig.toml")

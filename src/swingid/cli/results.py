@@ -73,12 +73,12 @@ def validate(
     from swingid.result.file import load_result
     from swingid.study.validate import validate as run
 
-    plant, found = Rig.load(rig), load_result(result)
+    plant, identified = Rig.load(rig), load_result(result)
     recordings = [Recording.load(log, plant) for log in logs]
     driven = "voltage" if input is Input.VOLTAGE else "wheel" if plant.drive.wheel is not None else None
     compile_first(*(task for log in recordings for task in kernels_of("output-error", log, plant, driven)))
     with shown(Progress("logs")):
-        validation = run(found, recordings, plant, input=None if input is None else input.value)
+        validation = run(identified, recordings, plant, input=None if input is None else input.value)
     if report is not None:
         from swingid.report.html import write_validation
 

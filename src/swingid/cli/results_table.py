@@ -43,10 +43,10 @@ def tabulate(
 
     plant, spans = Rig.load(rig), parts_of(part)
     with shown(Progress("logs")):
-        found = results_table(
+        table = results_table(
             logs, lambda log: load(log, plant), plant, list(dict.fromkeys(methods)), part=spans or None
         )
-    write_whole(Path(target), found.to_csv().encode())
-    output.tell(f"{found.summary()}\nwrote {target}")
-    if not found.answered:
+    write_whole(Path(target), table.to_csv().encode())
+    output.tell(f"{table.summary()}\nwrote {target}")
+    if not table.answered:
         raise UnanswerableError(f"none of the logs has a number; {target} has the reasons.", code="all-refused")

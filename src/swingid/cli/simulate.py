@@ -88,8 +88,14 @@ def simulate(
     """
     from swingid.recording.formats import writer_for
 
-    own = {"delta0": delta0, "sigma0": sigma0, "lambda0": lambda0, "k_tilde0": k_tilde0, "k_tilde_max": k_tilde_max}
-    given = {name: value for name, value in own.items() if value is not None}
+    gains_given = {
+        "delta0": delta0,
+        "sigma0": sigma0,
+        "lambda0": lambda0,
+        "k_tilde0": k_tilde0,
+        "k_tilde_max": k_tilde_max,
+    }
+    given = {name: value for name, value in gains_given.items() if value is not None}
     _check_controller(controller, law, gains, given)
     if voltage is not None and reference is not None:
         raise UsageError("--voltage is without control, --reference with it; give one of them", code="two-drives")
@@ -191,8 +197,8 @@ def parse_angle(text: str, rig: Rig, option: str = "--initial-angle") -> float:
         from swingid.units import parse_quantity
 
         try:
-            found = parse_quantity(text, unit, option)
-            angle, std = found.value, found.std
+            quantity = parse_quantity(text, unit, option)
+            angle, std = quantity.value, quantity.std
         except InputError as error:
             raise UsageError(error.message, code=error.code) from None
     if std is not None:

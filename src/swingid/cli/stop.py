@@ -32,19 +32,19 @@ def stop(
     from swingid.live import registry
 
     try:
-        found = [run for run in registry.runs() if device is None or run.is_on(device)]
-        for run in found:
+        runs = [run for run in registry.runs() if device is None or run.is_on(device)]
+        for run in runs:
             run.ask(hard=hard)
     except OSError as error:
         text = f"the folder of this user's runs can't be used ({error.strerror or error}); use the emergency stop"
         raise InputError(text, code="no-registry") from None
-    if not found:
+    if not runs:
         where = "" if device is None else f" on {device}"
         text = f"nothing is running{where} that this user has started on this machine; if the rig moves, use the "
         raise DeviceError(f"{text}emergency stop", code="nothing-running")
-    left = [run for run in found if not _ended(run, hard=hard)]
-    if left:
-        names = " and ".join(run.entry.words() for run in left)
+    going = [run for run in runs if not _ended(run, hard=hard)]
+    if going:
+        names = " and ".join(run.entry.words() for run in going)
         more = "use the emergency stop" if hard else "give swingid stop --hard, or use the emergency stop"
         raise DeviceError(f"{names} has not ended; {more}", code="not-stopped")
 

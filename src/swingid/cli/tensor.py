@@ -60,12 +60,12 @@ def tensor(
         cad = None
         if compare is not None:
             cad = load_cad(compare, link=link, mass=stated.body.mass, density=density, mesh_unit=mesh_unit)
-        found = solve(stated, results, compare_with=cad, about=[_axis(text) for text in about or ()])
+        answer = solve(stated, results, compare_with=cad, about=[_axis(text) for text in about or ()])
         if plot is not None:
             drawn = io.BytesIO()
-            found.plot().savefig(drawn, dpi=150, format=Path(plot).suffix[1:].lower() or "png")
+            answer.plot().savefig(drawn, dpi=150, format=Path(plot).suffix[1:].lower() or "png")
             write_whole(Path(plot), drawn.getvalue())
-    output.hand_over(found, json, plot)
+    output.hand_over(answer, json, plot)
 
 
 def _axis(text: str) -> tuple[list[float], str]:

@@ -75,9 +75,9 @@ def weigh(
             with keeps(lambda: _kept(out, results)):
                 _wait(name, address)
             results[name] = _weighed(plant, address, orders[name], out / name, method)
-        found = difference(results["tare"], results["loaded"], mass=mass, distance=distance)
-    write_whole(out / "body.json", found.to_json().encode())
-    output.hand_over(found, json, str(out / "body.json"))
+        answer = difference(results["tare"], results["loaded"], mass=mass, distance=distance)
+    write_whole(out / "body.json", answer.to_json().encode())
+    output.hand_over(answer, json, str(out / "body.json"))
 
 
 def _make(folder: Path) -> None:
@@ -119,9 +119,9 @@ def _weighed(plant: Rig, address: str, order: Order, out: Path, method: str) -> 
         conduct(plant, address, order, journal)
         result = identified(journal, plant, method, provenance, None)
         write_whole(Path(f"{out}.json"), result.to_json().encode())
-    found, spread = result.inertia, result.inertia.standard_uncertainty
+    inertia, spread = result.inertia, result.inertia.standard_uncertainty
     from swingid.format import percent
 
-    known = "" if spread is None else f" ± {percent(spread / abs(found.value))}"
-    output.say(f"inertia {found.value:.6g} {found.unit}{known}")
+    known = "" if spread is None else f" ± {percent(spread / abs(inertia.value))}"
+    output.say(f"inertia {inertia.value:.6g} {inertia.unit}{known}")
     return result

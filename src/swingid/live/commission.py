@@ -65,20 +65,20 @@ class Commissioning:
 
     def values(self, rig: Rig, address: str) -> dict[str, object]:
         """What is written into the rig file, by its keys; the limits that were in force stand beside it."""
-        found: dict[str, object] = {"sensors.counts_per_turn": self.axis.counts}
+        values: dict[str, object] = {"sensors.counts_per_turn": self.axis.counts}
         if self.wheel.counts != self.axis.counts:
-            found["sensors.wheel.counts_per_turn"] = self.wheel.counts
+            values["sensors.wheel.counts_per_turn"] = self.wheel.counts
         for key, channel in (("sensors.noise", self.axis), ("sensors.wheel.noise", self.wheel)):
             if channel.noise > 0.1 * channel.step:
-                found[key] = float(f"{channel.noise:.3g}")
+                values[key] = float(f"{channel.noise:.3g}")
         sensors, board = rig.sensors, timing(self.board.firmware)
         if board is not None and not any(q.value or q.std for q in (sensors.latency, sensors.of_wheel.latency)):
-            found |= {"sensors.latency": board.latency("axis"), "sensors.wheel.latency": board.latency("wheel")}
-            found["sensors.jitter"] = board.jitter
+            values |= {"sensors.latency": board.latency("axis"), "sensors.wheel.latency": board.latency("wheel")}
+            values["sensors.jitter"] = board.jitter
         signs = {"axis_sign": self.axis_sign, "wheel_sign": self.wheel_sign, "voltage_sign": self.voltage_sign}
-        found |= {"device.address": address, **{f"device.{key}": sign for key, sign in signs.items()}}
+        values |= {"device.address": address, **{f"device.{key}": sign for key, sign in signs.items()}}
         device = rig.device
-        return found | {
+        return values | {
             "device.axis_zero": round(self.axis.zero),
             "device.angle_limit": device.angle_limit,
             "device.speed_limit": device.speed_limit,
@@ -131,9 +131,9 @@ def commission(
         axis, wheel = at_rest(session, rig, board, wait=wait, say=progress, swing=STILLER)
         assert wheel is not None  # `_agrees` has refused a device without
         pulses = moving(session, rig, board, (axis, wheel), progress)
-        found = _relation(pulses, axis.step, wheel.step)
-        signs = _signs(rig, pulses, found)
-        ratio, inertia = _constants(rig, found)
+        relation = _relation(pulses, axis.step, wheel.step)
+        signs = _signs(rig, pulses, relation)
+        ratio, inertia = _constants(rig, relation)
         progress("the guard, at a lower limit")
         trips = guard_trips(session, rig, board, axis, pulses)
     warnings = []
@@ -194,10 +194,10 @@ def _relation(pulses: Pulses, axis_step: float, wheel_step: float) -> Relation:
     return Relation(float(fit.values[0]), float(fit.values[2]), covariance[np.ix_([0, 2], [0, 2])])
 
 
-def _signs(rig: Rig, pulses: Pulses, found: Relation) -> tuple[int, int, int]:
+def _signs(rig: Rig, pulses: Pulses, relation: Relation) -> tuple[int, int, int]:
     """Signs of axis, wheel and voltage; InputError where the file states others."""
-    same = 1 if found.a > 0 else -1
-    if abs(found.a) < 5 * math.sqrt(found.covariance[0, 0]):
+    same = 1 if relation.a > 0 else -1
+    if abs(relation.a) < 5 * math.sqrt(relation.covariance[0, 0]):
         text = (
             "the body's motion after the pulse is not that of the wheel's reaction; is the body free to swing, and is "
         )
@@ -219,7 +219,7 @@ def _signs(rig: Rig, pulses: Pulses, found: Relation) -> tuple[int, int, int]:
     return axis, measured["wheel_sign"], measured["voltage_sign"]
 
 
-def _constants(rig: Rig, found: Relation) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+def _constants(rig: Rig, relation: Relation) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
     """The ratio of the counts and the inertia a11 with standard uncertainties; None without gravity torque or wheel."""
     from swingid.units import Quantity
 
@@ -231,12 +231,12 @@ def _constants(rig: Rig, found: Relation) -> tuple[tuple[float, float] | None, t
     a12 = wheel.value
     if motor is not None:
         a12 += motor.gear_ratio.value * motor.rotor_inertia.value
-    a, b = abs(found.a), found.b * math.copysign(1.0, found.a)
-    ua, ub = math.sqrt(found.covariance[0, 0]), math.sqrt(found.covariance[1, 1])
+    a, b = abs(relation.a), relation.b * math.copysign(1.0, relation.a)
+    ua, ub = math.sqrt(relation.covariance[0, 0]), math.sqrt(relation.covariance[1, 1])
     if b < 3 * ub:
         return None, None
     ratio, inertia = gravity.value / (a12 * b), gravity.value * a / b
-    mixed = found.covariance[0, 1] * math.copysign(1.0, found.a) * math.copysign(1.0, found.b)
+    mixed = relation.covariance[0, 1] * math.copysign(1.0, relation.a) * math.copysign(1.0, relation.b)
     spread = max((ua / a) ** 2 + (ub / b) ** 2 - 2 * mixed / (a * b), 0.0)
     ratio_u = ratio * ub / b
     if abs(math.log(ratio)) > math.log1p(FAR) and abs(ratio - 1.0) > 3 * ratio_u:

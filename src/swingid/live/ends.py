@@ -63,9 +63,9 @@ class Run:
     moved: bool = True
 
 
-def apart(one: int, other: int) -> int:
+def apart(first: int, second: int) -> int:
     """Difference of two sequences, which wrap at 32 bits."""
-    return (one - other + 2**31) % 2**32 - 2**31
+    return (first - second + 2**31) % 2**32 - 2**31
 
 
 def state_words(state: int) -> str:

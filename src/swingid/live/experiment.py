@@ -160,8 +160,8 @@ class Conductor:
         """The stop that somebody has asked for, here or elsewhere; a hard one first."""
         elsewhere = None if self._asked is None else self._asked()
         command = None if self._entry is None else self._entry.asked()
-        found = [one for one in (self._stop, elsewhere, command) if one is not None]
-        return max(found, key=lambda one: one[0] is StopMode.HARD, default=None)
+        reasons = [reason for reason in (self._stop, elsewhere, command) if reason is not None]
+        return max(reasons, key=lambda reason: reason[0] is StopMode.HARD, default=None)
 
     def _each_turn(self) -> None:
         """Pass a stop on to the run; before it begins it is its end (DeviceError)."""

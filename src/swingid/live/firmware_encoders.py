@@ -50,11 +50,11 @@ def by_hand(
     for second in range(1, round(seconds) + 1):
         part = session.listen(1.0)
         frames += part
-        said = ", ".join(f"{one.name} {one.last:+.1f} deg" for one in _turned(frames, board))
+        said = ", ".join(f"{encoder.name} {encoder.last:+.1f} deg" for encoder in _turned(frames, board))
         progress(f"{second:2d} s: {said}, {_missing(part)} of {len(part)} samples without a reading")
-    found = _turned(frames, board)
-    _require(frames, found)
-    return found
+    turned = _turned(frames, board)
+    _require(frames, turned)
+    return turned
 
 
 def _missing(frames: list[Frame]) -> int:
@@ -79,20 +79,21 @@ def _turned(frames: list[Frame], board: Board) -> list[Turned]:
     ]
 
 
-def _require(frames: list[Frame], found: list[Turned]) -> None:
+def _require(frames: list[Frame], turned: list[Turned]) -> None:
     """Raise DeviceError for encoders that a run could not trust."""
     missing = _missing(frames)
     if missing:
         text = f"{missing} of {len(frames)} samples have no reading: an encoder is not plugged in, a wire is loose or "
         raise DeviceError(text + "long, or its magnet is missing, too far or too near", code="no-readings")
-    for one in found:
-        if one.step > JUMP:
-            text = (
-                f"the angle of the {one.name} jumps by {one.step:.2g} turns between two samples; look after its wires"
-            )
+    for encoder in turned:
+        if encoder.step > JUMP:
+            text = f"the angle of the {encoder.name} jumps by {encoder.step:.2g} turns between two samples; "
+            text += "look after its wires"
             raise DeviceError(text, code="jumps")
-        if one.range < TURNED:
-            text = f"the {one.name} has turned by {one.range:.2g} deg; turn it by {TURNED:g} at least: else its magnet "
+        if encoder.range < TURNED:
+            text = (
+                f"the {encoder.name} has turned by {encoder.range:.2g} deg; turn it by {TURNED:g} at least: else its "
+            )
             raise DeviceError(
-                text + "does not turn with it, or both encoders' selects are wired alike", code="not-turned"
+                text + "magnet does not turn with it, or both encoders' selects are wired alike", code="not-turned"
             )

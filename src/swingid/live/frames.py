@@ -112,10 +112,10 @@ class Decoder:
         return frames
 
     def _frame(self, encoded: bytes) -> Frame | None:
-        found = unwrap(encoded)
-        if found is None:
+        frame = unwrap(encoded)
+        if frame is None:
             return None
-        message: Message | None = self._by_id.get(found[0])
-        if message is None or message.from_host != self._from_host or message.length != len(found[1]):
+        message: Message | None = self._by_id.get(frame[0])
+        if message is None or message.from_host != self._from_host or message.length != len(frame[1]):
             return None
-        return Frame(message.name, message.unpack(found[1]))
+        return Frame(message.name, message.unpack(frame[1]))

@@ -106,8 +106,8 @@ class Journal:
     def _open(self, rig: Rig) -> None:
         writer = self._writer
         writer.start(library="swingid")
-        own = {"live": 1, "drive": rig.drive.kind, "log": {"drive_held": True}, "metadata": {"live": True}}
-        writer.add_metadata(METADATA_KEY, {"json": json.dumps(own)})
+        metadata = {"live": 1, "drive": rig.drive.kind, "log": {"drive_held": True}, "metadata": {"live": True}}
+        writer.add_metadata(METADATA_KEY, {"json": json.dumps(metadata)})
         writer.add_attachment(0, 0, "rig.toml", "application/toml", rig.text.encode())
         writer.add_attachment(0, 0, "swingid.dbc", "text/plain", database_text().encode())
         frames = writer.register_schema("swingid.frames", "dbc", database_text().encode())

@@ -34,7 +34,7 @@ def sources() -> Path | None:
 def compiler() -> str | None:
     """A C compiler of this machine: $CC, cc, gcc or clang."""
     return next(
-        (found for name in (os.environ.get("CC", ""), "cc", "gcc", "clang") if (found := shutil.which(name))), None
+        (path for name in (os.environ.get("CC", ""), "cc", "gcc", "clang") if (path := shutil.which(name))), None
     )
 
 
@@ -51,18 +51,18 @@ def obstacle() -> str | None:
 
 def build() -> Path:
     """The program, built once per version of its sources; UsageError where that is impossible or fails."""
-    folder, found = sources(), compiler()
-    if folder is None or found is None:
+    folder, compiler_path = sources(), compiler()
+    if folder is None or compiler_path is None:
         raise UsageError(f"{obstacle()}; use --firmware python", code="no-compiler")
     core = folder / "core"
     files = [*sorted(core.glob("*.c")), folder / "hal" / "native" / "main.c"]
     content = b"".join(path.read_bytes() for path in (*sorted(core.glob("*.h")), *files))
-    name = hashlib.sha256(content + " ".join((found, *FLAGS)).encode()).hexdigest()[:16]
+    name = hashlib.sha256(content + " ".join((compiler_path, *FLAGS)).encode()).hexdigest()[:16]
     target = _cache() / f"swingid-native-{name}"
     if target.exists():
         return target
     new = target.with_name(f"{target.name}.{os.getpid()}")
-    command = [found, *FLAGS, f"-I{core}", *map(str, files), "-o", str(new)]
+    command = [compiler_path, *FLAGS, f"-I{core}", *map(str, files), "-o", str(new)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=BUILD_TIME, check=False)
     if done.returncode != 0:
         reason = (done.stderr.strip().splitlines() or ["no message"])[0]

@@ -123,13 +123,13 @@ class Plant:
     def angles(self) -> tuple[float, float]:
         """Readings of both encoders (rad) at this sample, as the twin logs them."""
         k, t = self._row - self._first, self.time
-        found = []
+        angles = []
         for i, place in enumerate((Q1, Q2)):
             q = self._work[NOW, place]
             if self._late and self._instants[self._reads[i, k]] < t:
                 q = self._seen[self._reads[i, k], place]
-            found.append(encoder_reading(q, self._encoders[i], self._noise[i, k]))
-        return found[0], found[1]
+            angles.append(encoder_reading(q, self._encoders[i], self._noise[i, k]))
+        return angles[0], angles[1]
 
     def read(self) -> Readings:
         """Raw counts of both encoders at this sample, wrapping at 32 bits; the twin measures no current."""

@@ -61,13 +61,13 @@ class TcpPort:
 
     def _connect(self) -> None:
         with suppress(OSError):
-            found, _ = self._listener.accept()
+            connection, _ = self._listener.accept()
             if self._host is not None:
-                found.close()
+                connection.close()
                 return
-            found.setblocking(False)
-            found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._host = found
+            connection.setblocking(False)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._host = connection
 
     def send(self, data: bytes) -> None:
         """Bytes for the host; lost where there is none or it does not read."""

@@ -108,7 +108,7 @@ def rehearsed(
     inertia, gravity = expected(rig)
     energy = [energy_of(q, v, inertia, gravity) for q, v in zip(angle[step:], speed, strict=True)]
     missed, last = (log.reference - angle)[rows // 2 : rows], slice(rows - rows // 4, rows)
-    found = Rehearsed(
+    result = Rehearsed(
         angle=float(np.abs(angle).max()),
         speed=float(np.abs(speed).max()),
         wheel_speed=float(np.abs(wheel).max()),
@@ -119,19 +119,19 @@ def rehearsed(
         of_reference=_share((log.reference - angle)[last], log.reference[last]),
     )
     for name, value, limit, unit in (
-        ("the angle", found.angle, limits.angle, "rad"),
-        ("the speed of the axis", found.speed, limits.speed, "rad/s"),
-        ("the speed of the wheel", found.wheel_speed, limits.wheel_speed, "rad/s"),
-        ("the time at the voltage limit", found.saturated, limits.saturated, "s"),
+        ("the angle", result.angle, limits.angle, "rad"),
+        ("the speed of the axis", result.speed, limits.speed, "rad/s"),
+        ("the speed of the wheel", result.wheel_speed, limits.wheel_speed, "rad/s"),
+        ("the time at the voltage limit", result.saturated, limits.saturated, "s"),
     ):
         if value > TIGHTER * limit:
             text = f"{BEYOND}: {name} reaches {value:.3g} {unit}, and the host stops at {TIGHTER * limit:.3g} {unit}; "
             raise UsageError(text + "choose a smaller or slower --reference", code="beyond-limits")
-    if found.of_reference > STRAYS and duration >= SETTLED:
-        text = f"on the twin the body does not follow the reference: its error is {found.tracking:.2g} rad, "
-        text += f"{found.of_reference:.0%} of the motion; choose a motion that the motor can make, or other gains"
+    if result.of_reference > STRAYS and duration >= SETTLED:
+        text = f"on the twin the body does not follow the reference: its error is {result.tracking:.2g} rad, "
+        text += f"{result.of_reference:.0%} of the motion; choose a motion that the motor can make, or other gains"
         raise UsageError(text, code="does-not-follow")
-    return found
+    return result
 
 
 def _share(missed: Array, reference: Array) -> float:

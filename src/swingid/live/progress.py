@@ -54,10 +54,10 @@ class Progress:
             f"{abs(self.voltage):.1f} of {self.limit:g} V",
         ]
         if self.estimate is not None:
-            found = self.estimate.inertia
-            spread = found.standard_uncertainty
-            known = "" if spread is None else f" ± {percent(spread / abs(found.value))}"
-            parts.append(f"swing {self.estimate.swing}: {found.value:.6g} {found.unit}{known}")
+            inertia = self.estimate.inertia
+            spread = inertia.standard_uncertainty
+            known = "" if spread is None else f" ± {percent(spread / abs(inertia.value))}"
+            parts.append(f"swing {self.estimate.swing}: {inertia.value:.6g} {inertia.unit}{known}")
         return ", ".join(parts)
 
 
@@ -113,12 +113,12 @@ class Follower:
         used = [(row.t, row.q1, row.q2, row.u) for row in rows if row.q1 is not None]
         for estimate in self._estimator.push(used):
             self.progress.estimate, self.progress.fresh = estimate, True
-        found = self.progress.estimate
-        if not self.until or found is None or self.progress.time < LEAST_TIME or self.progress.reached:
+        latest = self.progress.estimate
+        if not self.until or latest is None or self.progress.time < LEAST_TIME or self.progress.reached:
             return
-        spread = found.inertia.standard_uncertainty
-        if spread is not None and spread <= self.until * abs(found.inertia.value):
-            share = spread / abs(found.inertia.value)
+        spread = latest.inertia.standard_uncertainty
+        if spread is not None and spread <= self.until * abs(latest.inertia.value):
+            share = spread / abs(latest.inertia.value)
             self.progress.reached = f"the wanted uncertainty is reached ({percent(share)})"
 
     def _guarded(self, do: object) -> None:

@@ -85,8 +85,8 @@ class Lines:
             return []
         labels = [_LABEL.fullmatch(field) for field in fields]
         if all(labels):
-            self._headers.append([found[1].strip() for found in labels if found])
-            fields = [found[2].strip() for found in labels if found]
+            self._headers.append([match[1].strip() for match in labels if match])
+            fields = [match[2].strip() for match in labels if match]
         if not all(map(_is_number, fields)):
             if self._width is None and not any(map(_is_number, fields)):
                 self._headers.append(fields)

@@ -34,12 +34,12 @@ def recover(path: str | Path, target: str | Path | None = None) -> tuple[Recover
     """
     source = Path(path)
     content = read_input(path, missing="give the path of an MCAP file", folder=("is-a-folder", "give one file in it"))
-    found = recovered(content, str(path))
-    if found.whole:
-        return found, None
+    result = recovered(content, str(path))
+    if result.whole:
+        return result, None
     out = source.with_suffix(".recovered.mcap") if target is None else Path(target)
-    write_whole(out, found.content)
-    return found, out
+    write_whole(out, result.content)
+    return result, out
 
 
 def recovered(content: bytes, name: str) -> Recovered:
@@ -51,25 +51,25 @@ def recovered(content: bytes, name: str) -> Recovered:
         from mcap.writer import Writer
     except ImportError:
         raise missing_extra("mcap") from None
-    found, out = Recovered(), io.BytesIO()
-    copy = _Copy(Writer(out), found)
+    result, out = Recovered(), io.BytesIO()
+    copy = _Copy(Writer(out), result)
     copy.writer.start(library="swingid recover")
-    found.cut = True
+    result.cut = True
     try:
         for record in StreamReader(io.BytesIO(content), emit_chunks=True).records:
             if isinstance(record, Footer):
-                found.cut = False
+                result.cut = False
                 break
             copy.take(record)
     except InvalidMagic:
         raise InputError(f"{name} is no MCAP file; give the journal of a live run", code="not-a-table") from None
     except Exception:  # a damaged length or a cut may fail anywhere in the other package
-        found.cut = True
-    if not found.messages:
+        result.cut = True
+    if not result.messages:
         raise InputError(f"{name} holds no whole block of messages; nothing can be recovered", code="not-a-table")
     copy.writer.finish()
-    found.content = out.getvalue()
-    return found
+    result.content = out.getvalue()
+    return result
 
 
 @dataclass
@@ -91,8 +91,8 @@ class _Copy:
             except Exception:  # damaged compression or checksum
                 self.found.damaged += 1
                 return
-            for one in inner:
-                self._one(one)
+            for entry in inner:
+                self._one(entry)
             self.writer.flush()
         elif isinstance(record, Attachment):
             self.writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)

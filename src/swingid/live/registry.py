@@ -53,9 +53,9 @@ def folder() -> Path:
     runtime = Path(os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{user()}")  # a service may lack the variable
     place = runtime / "swingid" if runtime.is_dir() else Path(tempfile.gettempdir()) / f"swingid-{user()}"
     place.mkdir(mode=0o700, parents=True, exist_ok=True)
-    found = place.lstat()
+    status = place.lstat()
     if hasattr(os, "getuid"):
-        alone = found.st_uid == os.getuid() and not found.st_mode & 0o077 and not place.is_symlink()
+        alone = status.st_uid == os.getuid() and not status.st_mode & 0o077 and not place.is_symlink()
         if not alone:
             raise PermissionError(f"{place} is not this user's alone")
     return place
@@ -139,18 +139,18 @@ class Found:
 
 def runs() -> list[Found]:
     """The runs of this user that go on; what dead ones have left is removed. OSError without a folder."""
-    place, found = folder(), []
+    place, active = folder(), []
     for path in sorted(place.glob(f"run-*{ENTRY}")):
         if _free(path):
             _remove(path, ENTRY, REQUEST, WORDS, LOCK)
             continue
         with suppress(OSError, ValueError, TypeError):  # one that ends just now
-            found.append(Found(Entry(**json.loads(path.read_text(encoding="utf-8"))), path))
+            active.append(Found(Entry(**json.loads(path.read_text(encoding="utf-8"))), path))
     for path in place.glob("run-*"):
         with suppress(OSError):
             if not path.with_suffix(ENTRY).exists() and time.time() - path.stat().st_mtime > OLD:
                 path.unlink()
-    return found
+    return active
 
 
 def _free(path: Path) -> bool:

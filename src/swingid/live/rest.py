@@ -92,7 +92,11 @@ def friction_band(rig: Rig) -> float:
     if friction is None or not isinstance(gravity, Quantity) or not gravity.value > 0:
         return 0.0
     held = [getattr(friction, key, None) for key in ("coulomb", "static", "coulomb_positive", "coulomb_negative")]
-    return max((one.value for one in held if isinstance(one, Quantity)), default=0.0) / gravity.value / math.sqrt(3.0)
+    return (
+        max((quantity.value for quantity in held if isinstance(quantity, Quantity)), default=0.0)
+        / gravity.value
+        / math.sqrt(3.0)
+    )
 
 
 def counts_of(frames: list[Frame]) -> tuple[Array, Array, Array, Array]:
@@ -146,8 +150,8 @@ def _centre(time: Array, counts: Array, period: float | None) -> tuple[float, fl
         return middle, float(np.ptp(counts)) / 2 if np.ptp(counts) > STEPS else 0.0
     phase = 2 * math.pi * time / period
     columns = np.column_stack([np.ones_like(time), np.cos(phase), np.sin(phase)])
-    found = fit_linear(columns, counts - middle).values
-    return middle + float(found[0]), float(np.hypot(found[1], found[2]))
+    values = fit_linear(columns, counts - middle).values
+    return middle + float(values[0]), float(np.hypot(values[1], values[2]))
 
 
 def at_rest(

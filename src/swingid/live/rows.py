@@ -122,5 +122,5 @@ def _run_id() -> int:
 
 def columns(rows: list[Row]) -> dict[str, list[Any]]:
     """Rows as columns t, q1, q2, u, k, ym; those that nothing fills are left out."""
-    found = {name: [getattr(row, name) for row in rows] for name in Row._fields}
-    return {name: values for name, values in found.items() if any(value is not None for value in values)}
+    by_name = {name: [getattr(row, name) for row in rows] for name in Row._fields}
+    return {name: values for name, values in by_name.items() if any(value is not None for value in values)}

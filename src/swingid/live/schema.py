@@ -129,23 +129,25 @@ def read(text: str) -> Schema:
     except ImportError:
         raise missing_extra("cantools") from None
     messages = []
-    for found in sorted(cantools.database.load_string(text, "dbc").messages, key=lambda found: int(found.frame_id)):
-        fields = _fields(list(found.signals), found.name)
+    for described in sorted(
+        cantools.database.load_string(text, "dbc").messages, key=lambda described: int(described.frame_id)
+    ):
+        fields = _fields(list(described.signals), described.name)
         packer = struct.Struct("<" + "".join(code * (count or 1) for _, count, code in fields))
-        if packer.size != found.length or packer.size > MOST_PAYLOAD:
+        if packer.size != described.length or packer.size > MOST_PAYLOAD:
             raise InputError(
-                f"message {found.name} has {found.length} bytes, its fields {packer.size}", code="bad-schema"
+                f"message {described.name} has {described.length} bytes, its fields {packer.size}", code="bad-schema"
             )
         choices = {
             signal.name: {int(number): str(word) for number, word in signal.choices.items()}
-            for signal in found.signals
+            for signal in described.signals
             if signal.choices
         }
         message = Message(
-            id=found.frame_id,
-            name=found.name,
-            length=found.length,
-            from_host="HOST" in found.senders,
+            id=described.frame_id,
+            name=described.name,
+            length=described.length,
+            from_host="HOST" in described.senders,
             fields=fields,
             choices=choices,
             packer=packer,

@@ -54,8 +54,8 @@ class _Reader(HTMLParser):
         self.classes = ""
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        found = {key: value or "" for key, value in attrs}
-        classes = found.get("class", "")
+        attributes = {key: value or "" for key, value in attrs}
+        classes = attributes.get("class", "")
         if tag in SKIPPED:
             self.skipped = True
         elif tag == "details":
@@ -69,8 +69,8 @@ class _Reader(HTMLParser):
             self.list = {"block": "messages", "class": classes, "items": []}
         elif tag == "figure":
             self.figure = {"block": "figure", "svg": -1, "alt": "", "caption": []}
-        elif tag == "img" and "data-svg" in found and self.figure is not None:
-            self.figure |= {"svg": int(found["data-svg"]), "alt": _label(self.svgs[int(found["data-svg"])])}
+        elif tag == "img" and "data-svg" in attributes and self.figure is not None:
+            self.figure |= {"svg": int(attributes["data-svg"]), "alt": _label(self.svgs[int(attributes["data-svg"])])}
         elif tag in LINES:
             self.runs, self.classes, self.styles = [], classes, []
         elif tag in ("b", "strong", "code", "sub", "span"):
@@ -141,5 +141,5 @@ def _label(svg: str) -> str:
     """The words for screen readers of a figure."""
     from html import unescape
 
-    found = re.search(r'aria-label="([^"]*)"', svg)
-    return unescape(found[1]) if found else "figure"
+    match = re.search(r'aria-label="([^"]*)"', svg)
+    return unescape(match[1]) if match else "figure"

@@ -47,12 +47,12 @@ class Budget:
 
 def budgets(result: Result, rig: Rig | None, *, linear: bool) -> list[Budget]:
     """One budget for each parameter whose uncertainty is known and has entries, the leading one first."""
-    found = []
+    tables = []
     for name, parameter in result.parameters.items():
-        entries = [one for one in sorted_budget(result.budget, name) if one.standard_uncertainty > 0]
+        entries = [entry for entry in sorted_budget(result.budget, name) if entry.standard_uncertainty > 0]
         if parameter.standard_uncertainty and entries:
-            found.append(_budget(name, parameter, entries, result, rig, linear=linear))
-    return found
+            tables.append(_budget(name, parameter, entries, result, rig, linear=linear))
+    return tables
 
 
 def _budget(
@@ -61,7 +61,7 @@ def _budget(
     exponent = common_exponent([parameter.standard_uncertainty or 0.0])
     shown, rest = (entries, []) if len(entries) <= MOST + 1 else (entries[:MOST], entries[MOST:])
     total = combined(entries, name)
-    lines = [_line(one, parameter, exponent, total, result, rig, linear=linear) for one in shown]
+    lines = [_line(entry, parameter, exponent, total, result, rig, linear=linear) for entry in shown]
     if rest:
         u = combined(rest, name)
         sums = _scaled(u, exponent), _share(u, total)
@@ -132,8 +132,8 @@ def _scaled(u: float, exponent: int) -> str:
 def _stated(key: str, result: Result, rig: Rig | None) -> float | None:
     """The estimate of an input quantity: a constant as the rig file states it; None where it is unknown."""
     if key.startswith("sensors.") and rig is not None:
-        found = getattr(rig.sensors.of("wheel" if ".wheel." in key else "angle"), key.rpartition(".")[2], None)
-        return found.value if isinstance(found, Quantity) else None
+        quantity = getattr(rig.sensors.of("wheel" if ".wheel." in key else "angle"), key.rpartition(".")[2], None)
+        return quantity.value if isinstance(quantity, Quantity) else None
     constants = result.provenance.get("constants")
     if isinstance(constants, dict) and isinstance(constants.get(key), dict):
         return float(constants[key]["value"])
@@ -150,7 +150,7 @@ def _columns(unit: str) -> tuple[Column, ...]:
     numbers = {heading: Column(heading, "number", True) for heading in (*first, *last)}
     return (
         Column("input quantity X", "text"),
-        *(numbers[one] for one in first),
+        *(numbers[column] for column in first),
         *words,
-        *(numbers[one] for one in last),
+        *(numbers[column] for column in last),
     )

@@ -123,7 +123,7 @@ def load_certificate(path: str | Path) -> Certificate:
 
 def stated_rows(certificate: Certificate) -> list[tuple[str, str]]:
     """What is stated, in words, in the order of a report."""
-    laboratory, customer, item, own = (
+    laboratory, customer, item, more = (
         certificate.laboratory,
         certificate.customer,
         certificate.item,
@@ -139,12 +139,12 @@ def stated_rows(certificate: Certificate) -> list[tuple[str, str]]:
         ("identification of the item", item.identification),
         ("condition of the item", item.condition),
         ("received", item.received),
-        ("measured", own.performed),
-        ("conditions", own.conditions),
-        ("traceability", own.traceability),
-        ("deviations from the method", own.deviations),
-        ("remarks", own.remarks),
-        ("authorised by", own.authorised_by),
+        ("measured", more.performed),
+        ("conditions", more.conditions),
+        ("traceability", more.traceability),
+        ("deviations from the method", more.deviations),
+        ("remarks", more.remarks),
+        ("authorised by", more.authorised_by),
     ]
     return [(words, text) for words, text in rows if text]
 

@@ -133,49 +133,49 @@ def write_comparison(comparison: Comparison, rig: Rig, path: str | Path) -> Path
     )
 
 
-def _columns(found: Inspection) -> Table:
+def _columns(inspection: Inspection) -> Table:
     """The columns of a log."""
     from swingid.study.inspect.inspection import columns_table
 
     rows: list[tuple[str | Cell, ...]] = [
-        (Cell(name, form="name" if len(name) < LONG else "text"), *rest) for name, *rest in columns_table(found)
+        (Cell(name, form="name" if len(name) < LONG else "text"), *rest) for name, *rest in columns_table(inspection)
     ]
     words = plain("column", "seems to be", "type", "unit")
     return Table((*words, Column("range", "number"), Column("first values", "text")), tuple(rows))
 
 
-def write_inspection(found: Inspection, path: str | Path) -> Path:
-    """Write the page of `found` to `path` and return it. Raises InputError when the file cannot be written."""
+def write_inspection(inspection: Inspection, path: str | Path) -> Path:
+    """Write the page of an inspection to `path` and return it. Raises InputError when the file cannot be written."""
     with house_style():
-        drawn = picture(draw_inspection(found), "inspection", "The log at a glance")
-    status, answer = VERDICTS[found.verdict.status]
+        drawn = picture(draw_inspection(inspection), "inspection", "The log at a glance")
+    status, answer = VERDICTS[inspection.verdict.status]
     page = filled(
         "inspection.html.j2",
-        found=found,
-        name=Path(found.path).name,
+        found=inspection,
+        name=Path(inspection.path).name,
         picture=drawn,
         status=status,
         answer=answer,
-        todo=[check for level in ORDER for check in found.checks if check.level == level],
+        todo=[check for level in ORDER for check in inspection.checks if check.level == level],
         checks=Table(
             (Column(form="level"), Column(form="title"), Column(form="text")),
-            tuple((Cell(LEVEL_WORDS[one.level], form=one.level), one.title, one.evidence) for one in found.checks),
+            tuple((Cell(LEVEL_WORDS[c.level], form=c.level), c.title, c.evidence) for c in inspection.checks),
         ),
         services=Table(
             (Column("method", "name"), Column("time", "number", True), Column("what takes the rest", "text", True)),
-            tuple((one.method, f"{one.seconds:.4g} s", one.why) for one in found.services),
+            tuple((s.method, f"{s.seconds:.4g} s", s.why) for s in inspection.services),
         ),
-        columns=_columns(found),
+        columns=_columns(inspection),
     )
-    return write_page(page, path, Head("Inspection of a log", found.sha256[:12]))
+    return write_page(page, path, Head("Inspection of a log", inspection.sha256[:12]))
 
 
 PICTURES = (".png", ".svg", ".pdf")
 """Endings of pictures."""
 
 
-def write_plot(found: Inspection, path: str | Path) -> Path:
-    """Write the picture of `found` alone, by the ending of `path` as PNG, SVG or PDF, and return the path.
+def write_plot(inspection: Inspection, path: str | Path) -> Path:
+    """Write the picture of an inspection alone, by the ending of `path` as PNG, SVG or PDF, and return the path.
 
     Raises UsageError for another ending, UnanswerableError where the log could not be read.
     """
@@ -185,9 +185,11 @@ def write_plot(found: Inspection, path: str | Path) -> Path:
         raise UsageError(text, code="unknown-ending")
     content = io.BytesIO()
     with house_style():
-        figure = draw_inspection(found)
+        figure = draw_inspection(inspection)
         if figure is None:
-            raise UnanswerableError(f"{found.path} could not be read, so there is no plot; see inspect", code="no-plot")
+            raise UnanswerableError(
+                f"{inspection.path} could not be read, so there is no plot; see inspect", code="no-plot"
+            )
         figure.savefig(content, format=target.suffix.lower()[1:], dpi=160, bbox_inches="tight")
     write_whole(target, content.getvalue())
     return target

@@ -112,7 +112,7 @@ def _identification(result: Result, certificate: Certificate | None, issued: str
         rows.append(("date of issue", stated or issued))
     rows += stated_rows(certificate) if certificate else []
     logs = result.provenance.get("logs") or [result.provenance.get("log")]
-    named = [str(one) for one in logs if one] if isinstance(logs, list) else []
+    named = [str(log) for log in logs if log] if isinstance(logs, list) else []
     digest = result.provenance.get("log_sha256")
     rows += [("log" if len(named) == 1 else "logs", ", ".join(named))] if named else []
     rows += [("SHA-256 of the log", str(digest))] if digest else []
@@ -172,7 +172,7 @@ def _title(result: Result, log: Recording | None) -> str:
     path = (log.source.path if log else None) or result.provenance.get("log")
     several = result.provenance.get("logs")
     paths = several if isinstance(several, list) else [path] if path else []
-    names = [Path(str(one)).name for one in paths]
+    names = [Path(str(each)).name for each in paths]
     if len(names) > MOST_NAMES:
         names = [f"{len(names)} logs"]
     return f"{', '.join(names) or 'a log made in memory'}, {result.method} method"
@@ -180,8 +180,8 @@ def _title(result: Result, log: Recording | None) -> str:
 
 def _named(run: object) -> str:
     """Name of the result of a run of a difference; "" for none."""
-    found = run.get("result") if isinstance(run, dict) else run
-    return Path(str(found)).name if found else ""
+    name = run.get("result") if isinstance(run, dict) else run
+    return Path(str(name)).name if name else ""
 
 
 def _answer(result: Result, *, linear: bool) -> dict[str, str]:

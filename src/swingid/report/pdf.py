@@ -68,11 +68,11 @@ def to_pdf(page: str, head: Head, attachments: Sequence[Attachment], issued: dat
             "issuer": head.issuer,
             "date": head.issued or issued.date().isoformat(),
         },
-        "title": next((_plain(one["runs"]) for one in blocks if one["block"] == "h1"), head.kind),
+        "title": next((_plain(block["runs"]) for block in blocks if block["block"] == "h1"), head.kind),
         "blocks": blocks,
         "attachments": [
-            {"name": one.name, "type": one.media_type, "words": one.words, "file": f"attached{k}"}
-            for k, one in enumerate(attachments)
+            {"name": given.name, "type": given.media_type, "words": given.words, "file": f"attached{k}"}
+            for k, given in enumerate(attachments)
         ],
     }
     source: dict[str, bytes] = {
@@ -80,7 +80,7 @@ def to_pdf(page: str, head: Head, attachments: Sequence[Attachment], issued: dat
         "data.json": json.dumps(_shown(data), ensure_ascii=True).encode(),
     }
     source |= {f"{k}.svg": _drawable(svg).encode() for k, svg in enumerate(svgs)}
-    source |= {f"attached{k}": one.text.encode("utf-8", "backslashreplace") for k, one in enumerate(attachments)}
+    source |= {f"attached{k}": given.text.encode("utf-8", "backslashreplace") for k, given in enumerate(attachments)}
     try:
         made: bytes = typst.compile(
             source,  # type: ignore[call-overload]  # its hints lack the dictionary of files
@@ -120,8 +120,10 @@ def shown_text(text: str) -> str:
         return text
     known = _glyphs()
     return "".join(
-        one if one in "\n\u200b" or (ord(one) in known and (one.isprintable() or one in "\u00a0\u202f")) else _code(one)
-        for one in text
+        letter
+        if letter in "\n\u200b" or (ord(letter) in known and (letter.isprintable() or letter in "\u00a0\u202f"))
+        else _code(letter)
+        for letter in text
     )
 
 
@@ -135,8 +137,8 @@ def _shown(value: Any, key: str = "") -> Any:
         text = shown_text(value)
         return text if key in ("title", "alt", "class", "block") else re.sub(rf"\S{{{LONGEST},}}", _breakable, text)
     if isinstance(value, dict):
-        return {name: _shown(one, name) for name, one in value.items()}
-    return [_shown(one, key) for one in value] if isinstance(value, list) else value
+        return {name: _shown(entry, name) for name, entry in value.items()}
+    return [_shown(entry, key) for entry in value] if isinstance(value, list) else value
 
 
 def _breakable(word: re.Match[str]) -> str:
@@ -150,4 +152,6 @@ def _drawable(svg: str) -> str:
     """A figure whose texts the fonts have; its markup is ASCII."""
     from html import escape
 
-    return "".join(one if " " <= one < "\x7f" or one in "\n\t" else escape(shown_text(one)) for one in svg)
+    return "".join(
+        letter if " " <= letter < "\x7f" or letter in "\n\t" else escape(shown_text(letter)) for letter in svg
+    )

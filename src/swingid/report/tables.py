@@ -85,7 +85,7 @@ def log_table(result: Result, body: str) -> Table:
         Column("from the answer", "number"),
         Column("", "text"),
     )
-    return Table(columns, tuple(tuple(log_row(one, result, fine=True)) for one in result.per_log))
+    return Table(columns, tuple(tuple(log_row(of_log, result, fine=True)) for of_log in result.per_log))
 
 
 def _coverage(parameter: Parameter) -> str:
@@ -217,8 +217,8 @@ def extra_table(result: Result) -> Table:
 
 def agreement_table(result: Result) -> Table:
     """Inertias (without a scale: leading ratios) of two parts of the log; the difference in standard uncertainties."""
-    found = result.details.agreement if result.details else ()
-    unit = result.main.unit if found else ""
+    agreements = result.details.agreement if result.details else ()
+    unit = result.main.unit if agreements else ""
     inverse = result.leading.endswith("/inertia")  # the fit had the inertia over what is in the numerator here
 
     def shown(value: float, u: float) -> str:
@@ -226,12 +226,12 @@ def agreement_table(result: Result) -> Table:
 
     rows = [
         (
-            DIVIDED[one.division],
-            shown(*one.first),
-            shown(*one.second),
-            number(one.difference / one.standard_uncertainty, "", 2, fine=True),
+            DIVIDED[agreement.division],
+            shown(*agreement.first),
+            shown(*agreement.second),
+            number(agreement.difference / agreement.standard_uncertainty, "", 2, fine=True),
         )
-        for one in found
+        for agreement in agreements
     ]
     parts = (Column(name, "number", True) for name in ("first", "second", "difference over u"))
     return Table((Column("parts", "text"), *parts), tuple(rows), "wide budget")
@@ -239,14 +239,14 @@ def agreement_table(result: Result) -> Table:
 
 def distribution_table(result: Result) -> Table:
     """Each parameter by propagation of distributions: value, shortest interval, and the comparison in words."""
-    found = result.monte_carlo.parameters if result.monte_carlo else {}
+    distributions = result.monte_carlo.parameters if result.monte_carlo else {}
     rows = []
-    for name, one in found.items():
+    for name, distribution in distributions.items():
         unit = result.parameters[name].unit
-        value = plus_minus(one.mean, one.standard_uncertainty, unit, fine=True)
-        ends = interval(one.interval95, middle=one.mean, fine=True)
-        tolerance = number(one.tolerance, unit, 2, fine=True)
-        rows.append((Cell("", name), value, ends, f"{AGREEMENT[one.agrees]} (δ = {tolerance})"))
+        value = plus_minus(distribution.mean, distribution.standard_uncertainty, unit, fine=True)
+        ends = interval(distribution.interval95, middle=distribution.mean, fine=True)
+        tolerance = number(distribution.tolerance, unit, 2, fine=True)
+        rows.append((Cell("", name), value, ends, f"{AGREEMENT[distribution.agrees]} (δ = {tolerance})"))
     columns = (
         Column("parameter"),
         Column("mean ± standard uncertainty", "value-cell"),
@@ -258,15 +258,15 @@ def distribution_table(result: Result) -> Table:
 
 def check_table(result: Result) -> Table:
     """Consistency checks that the identification carried out, and what each found; empty where none is recorded."""
-    found = [(m.code, "warning") for m in result.warnings] + [(m.code, "note") for m in result.notes]
+    messages = [(m.code, "warning") for m in result.warnings] + [(m.code, "note") for m in result.notes]
     rows = []
     for name in result.details.checks if result.details else ():
-        one = CHECKS[name]
-        codes = [(code, level) for code, level in found if code in one.codes and (code, level) not in UNCHANGED]
+        check = CHECKS[name]
+        codes = [(code, level) for code, level in messages if code in check.codes and (code, level) not in UNCHANGED]
         levels = {level for _, level in codes}
         outcome = next((level for level in ("warning", "note") if level in levels), "passed")
         said = ", ".join(dict.fromkeys(code for code, _ in codes))
-        rows.append((one.words, Cell(outcome, form=f"check-{outcome}"), Cell("", said)))
+        rows.append((check.words, Cell(outcome, form=f"check-{outcome}"), Cell("", said)))
     return Table((Column("check", "text"), Column("found", "name", True), Column("message", "text")), tuple(rows))
 
 
@@ -283,9 +283,9 @@ def method_table(result: Result, rig: Rig | None) -> Table:
     decided = origin.get("preparation")
     corrections = decided.get("corrections") if isinstance(decided, dict) else None
     if isinstance(corrections, list) and corrections:
-        rows.append(("corrections", "; ".join(_correction(one) for one in corrections)))
+        rows.append(("corrections", "; ".join(_correction(correction) for correction in corrections)))
     repairs = origin.get("repairs")
-    done = [str(one.get("what")) for one in repairs if one.get("done")] if isinstance(repairs, list) else []
+    done = [str(repair.get("what")) for repair in repairs if repair.get("done")] if isinstance(repairs, list) else []
     if done:
         rows.append(("repairs of the log", " ".join(done)))
     if rig is not None:
@@ -293,20 +293,26 @@ def method_table(result: Result, rig: Rig | None) -> Table:
     return pairs(rows)
 
 
-def _correction(one: dict[str, Any]) -> str:
+def _correction(correction: dict[str, Any]) -> str:
     """'wheel latency (0.20 ± 0.10) ms, stated'."""
     size = (
         ""
-        if one.get("value") is None
-        else plus_minus(one["value"], one["standard_uncertainty"], one["unit"], fine=True)
+        if correction.get("value") is None
+        else plus_minus(correction["value"], correction["standard_uncertainty"], correction["unit"], fine=True)
     )
-    return f"{one['channel']} {str(one['kind']).replace('_', ' ')} {size}".strip() + f", {one['origin']}"
+    return (
+        f"{correction['channel']} {str(correction['kind']).replace('_', ' ')} {size}".strip()
+        + f", {correction['origin']}"
+    )
 
 
 def correlation_table(result: Result) -> Table:
     """Pairs of parameters whose errors go together, the strongest first."""
     columns = (Column("parameter"), Column("and"), Column("correlation coefficient", "number"))
-    rows = [(Cell("", one), Cell("", two), f"{r:+.2f}".replace("-", "−")) for one, two, r in correlated_pairs(result)]
+    rows = [
+        (Cell("", first), Cell("", second), f"{r:+.2f}".replace("-", "−"))
+        for first, second, r in correlated_pairs(result)
+    ]
     return Table(columns, tuple(rows), "")
 
 
@@ -350,7 +356,7 @@ def _short(data: object) -> str:
     if isinstance(data, np.ndarray):
         data = data.tolist()
     if isinstance(data, list | tuple):
-        return ", ".join(_short(one) for one in data)
+        return ", ".join(_short(entry) for entry in data)
     if isinstance(data, dict):
         return " ".join(f"{key} {_short(value)}" for key, value in data.items())
     if data is None:

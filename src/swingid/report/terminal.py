@@ -36,13 +36,13 @@ def _places(values: Array, count: int) -> np.ndarray:
     return np.minimum((values - low) / (span or 1.0) * count, count - 1).astype(int)
 
 
-def plot_of(found: Inspection) -> str:
+def plot_of(inspection: Inspection) -> str:
     """The angle over the time of an inspected log; a sentence where it could not be read."""
-    log = found.log
+    log = inspection.log
     if log is None:
         return "no plot: the log could not be read."
-    unit = "m" if found.linear else "rad"
+    unit = "m" if inspection.linear else "rad"
     high, low = (number(float(end), unit, 3) for end in (log.angle.max(), log.angle.min()))
     begin, end = (f"{instant:.4g} s" for instant in (log.time[0], log.time[-1]))
-    what = f"{'position' if found.linear else 'angle'} from {low} to {high}"
+    what = f"{'position' if inspection.linear else 'angle'} from {low} to {high}"
     return "\n".join([what, *dots(log.time, log.angle), f"{begin}{end:>{COLUMNS - len(begin)}}"])

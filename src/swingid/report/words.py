@@ -124,8 +124,8 @@ def parameter_word(name: str, *, linear: bool) -> Word:
         return Word("constant force")
     over, slash, under = name.partition("/")
     if slash:
-        ratio = [parameter_word(one, linear=linear) for one in (over, under)]
-        symbol = " / ".join(one.symbol for one in ratio) if all(one.symbol for one in ratio) else name
+        ratio = [parameter_word(half, linear=linear) for half in (over, under)]
+        symbol = " / ".join(half.symbol for half in ratio) if all(half.symbol for half in ratio) else name
         return Word(f"{ratio[0].words} over {ratio[1].words}", symbol)
     if name in TERMS:
         return RIG[TERMS[name].key] if TERMS[name].key else Word(TERMS[name].words)

@@ -38,11 +38,11 @@ class CanDevice:
         bus = self._open()
         *ended, self._rest = (self._rest + data).split(b"\0")
         for encoded in ended:
-            found = unwrap(encoded) if encoded else None
-            if found is None:
+            frame = unwrap(encoded) if encoded else None
+            if frame is None:
                 continue
             message = can.Message(
-                arbitration_id=found[0], data=found[1], is_extended_id=False, is_fd=True, bitrate_switch=True
+                arbitration_id=frame[0], data=frame[1], is_extended_id=False, is_fd=True, bitrate_switch=True
             )
             try:
                 bus.send(message, timeout=WRITE_TIME)
@@ -58,9 +58,9 @@ class CanDevice:
         data = b""
         until = time.monotonic() + max(timeout, 0.0)
         for _ in range(MOST):
-            left = 0.0 if data else max(until - time.monotonic(), 0.0)
+            remaining = 0.0 if data else max(until - time.monotonic(), 0.0)
             try:
-                message = bus.recv(left)
+                message = bus.recv(remaining)
             except (can.CanError, OSError) as error:
                 raise gone(self.address, error) from None
             if message is None:

@@ -54,10 +54,10 @@ class PassiveDevice:
                 data = source.read(PIECE)
             except OSError as error:
                 raise gone(self.address, error) from None
-            left = until - time.monotonic()
-            if data or left <= 0.0:
+            remaining = until - time.monotonic()
+            if data or remaining <= 0.0:
                 return data or b""
-            time.sleep(min(LOOK, left))
+            time.sleep(min(LOOK, remaining))
 
     def close(self) -> None:
         """Let go of port or file."""

@@ -64,8 +64,8 @@ class LineDrive(HostLoop):
         self._rest = b""
         self._tell(line)
         until = time.monotonic() + patience
-        while (left := until - time.monotonic()) > 0.0:
-            self._rest += self._port.read(left)
+        while (remaining := until - time.monotonic()) > 0.0:
+            self._rest += self._port.read(remaining)
             answer, ended, _ = self._rest.partition(b"\n")
             if ended:
                 return answer.decode("ascii", "replace").strip()
@@ -77,11 +77,11 @@ class LineDrive(HostLoop):
         The third may be nan: a current that nobody measures.
         """
         try:
-            found = [float(word) for word in (self._ask(line, patience) or "").replace(",", " ").split()]
+            numbers = [float(word) for word in (self._ask(line, patience) or "").replace(",", " ").split()]
         except ValueError:
             return None
-        sound = all(abs(one) < WHOLE for one in found[:2] + found[3:])  # nan and infinite ones are not
-        return found if len(found) == count and sound else None
+        sound = all(abs(number) < WHOLE for number in numbers[:2] + numbers[3:])  # nan and infinite ones are not
+        return numbers if len(numbers) == count and sound else None
 
     def _now_at(self, axis: float | None, wheel: float | None, current: float = math.nan) -> Readings:
         """Readings of two positions in turns."""
@@ -147,8 +147,8 @@ class ODrive(LineDrive):
 
     def _require_sound(self, but: int = 0) -> None:
         """DeviceError where the drive has an error other than `but`."""
-        found = self._numbers(f"r axis{self._motor}.error", 1)
-        error = int(found[0]) if found is not None else 0
+        errors = self._numbers(f"r axis{self._motor}.error", 1)
+        error = int(errors[0]) if errors is not None else 0
         if error not in (0, but):
             text = f"{self.address}: the drive has error {error:#x} (dump_errors in odrivetool says which); remove the "
             raise DeviceError(text + "cause, then start again", code="drive-fault")
@@ -205,10 +205,10 @@ class Hil(LineDrive):
         self._tell("U,0", "E,0")
 
     def _read(self) -> Readings:
-        found = self._numbers("R", 3)
-        if found is None:
+        numbers = self._numbers("R", 3)
+        if numbers is None:
             return self._last._replace(valid=False)
-        axis, wheel, current = found
+        axis, wheel, current = numbers
         return self._now_at(axis / COUNTS, wheel / COUNTS, current)
 
     def _switch(self, on: bool) -> tuple[str, ...]:

@@ -82,10 +82,10 @@ class MoteusDevice(HostLoop):
             if time.monotonic() >= until:
                 return none
         self._send(self._moteus.make_query())
-        until = left = time.monotonic() + ANSWER_TIME
-        while left > 0.0:
-            left = until - time.monotonic()
-            message = self._receive(max(left, 0.0))
+        until = remaining = time.monotonic() + ANSWER_TIME
+        while remaining > 0.0:
+            remaining = until - time.monotonic()
+            message = self._receive(max(remaining, 0.0))
             if message is None:
                 break
             if message.arbitration_id >> 8 & 0x7F == self._drive and message.arbitration_id & 0x7F == 0:

@@ -84,8 +84,8 @@ def _refused(address: str, target: str, error: Exception) -> SwingidError:
     """Why a port can't be opened, with the remedy."""
     number = getattr(error, "errno", None)
     if isinstance(error, FileNotFoundError) or number in (errno.ENXIO, errno.ENODEV):
-        found = ", ".join(ports()) or "none"
-        return DeviceError(f"{address}: there is no port {target}; ports here: {found}", code="no-device")
+        listed = ", ".join(ports()) or "none"
+        return DeviceError(f"{address}: there is no port {target}; ports here: {listed}", code="no-device")
     if isinstance(error, PermissionError) and sys.platform != "win32":
         command = f"sudo usermod -aG {group_of(target)} $USER"
         text = f"{address}: no permission for {target}; add yourself to its group: {command}"

@@ -79,13 +79,13 @@ def draw_levels(summary: Summary, factor: str, quantity: str = "inertia") -> Fig
     numbers = _numbers(levels)
     figure, ax = _by_method(cells, levels, 1, high=not numbers)
     for k, method in enumerate(methods := _methods(cells)):
-        own = [c for c in cells if c.method == method]
-        sizes, errors = [100 * c.statistics.rmse[0] for c in own], [100 * c.statistics.rmse[1] for c in own]
+        of_method = [c for c in cells if c.method == method]
+        sizes, errors = [100 * c.statistics.rmse[0] for c in of_method], [100 * c.statistics.rmse[1] for c in of_method]
         if numbers:
-            at = [numbers[c.level] for c in own]
+            at = [numbers[c.level] for c in of_method]
             ax.errorbar(at, sizes, yerr=errors, **_look(k, method, "-"))
         else:
-            ax.errorbar(sizes, _places(own, levels, k, methods), xerr=errors, **_look(k, method))
+            ax.errorbar(sizes, _places(of_method, levels, k, methods), xerr=errors, **_look(k, method))
     if numbers:
         _over_numbers(ax, factor, list(numbers.values()), cells, numbers)
     else:
@@ -194,9 +194,9 @@ def draw_coverage_by(summary: Summary, factor: str, quantity: str = "inertia") -
         return None
     figure, ax = _by_method(cells, levels, 0, high=True)
     for k, method in enumerate(methods := _methods(cells)):
-        own = [cell for cell in cells if cell.method == method]
-        shares, bars = _shares(own)
-        ax.errorbar(shares, _places(own, levels, k, methods), xerr=bars, **_look(k, method))
+        of_method = [cell for cell in cells if cell.method == method]
+        shares, bars = _shares(of_method)
+        ax.errorbar(shares, _places(of_method, levels, k, methods), xerr=bars, **_look(k, method))
     _share_axis(ax, cells)
     name_levels(ax, levels)
     legend_above(ax, LEGEND_COLUMNS)
@@ -224,9 +224,9 @@ def draw_boxes(summary: Summary) -> Figure | None:
         return None
     sizes, claimed = [], []
     for cell in cells:
-        own = (summary.columns["method"] == cell.method) & (summary.columns["quantity"] == cell.quantity)
-        error = summary.columns["error"][own]
-        u = summary.columns["u"][own] / np.abs(summary.columns["truth"][own])
+        of_cell = (summary.columns["method"] == cell.method) & (summary.columns["quantity"] == cell.quantity)
+        error = summary.columns["error"][of_cell]
+        u = summary.columns["u"][of_cell] / np.abs(summary.columns["truth"][of_cell])
         sizes.append(_known(100 * np.abs(error)))
         claimed.append(_known(error / u))
     figure, (left, right) = new_figure(1.2 + 0.3 * len(cells), ncols=2, sharey=True)
@@ -290,8 +290,8 @@ def draw_map(summary: Summary, pair: tuple[str, str]) -> Figure | None:
     for axes, (column, factor, words) in zip(panels, PANELS, strict=True):
         values = np.full((len(up), len(across)), np.nan)
         for (i, y), (j, x) in product(enumerate(up), enumerate(across)):
-            own = rows & (summary.columns[pair[0]] == x) & (summary.columns[pair[1]] == y)
-            values[i, j] = factor * median_of(np.abs(summary.columns[column][own]))
+            of_cell = rows & (summary.columns[pair[0]] == x) & (summary.columns[pair[1]] == y)
+            values[i, j] = factor * median_of(np.abs(summary.columns[column][of_cell]))
         _panel(axes, values, words)
         if column == "tracking":
             _cross_out(axes, summary, pair, (across, up))
@@ -312,8 +312,8 @@ def _cross_out(axes: Axes, summary: Summary, pair: tuple[str, str], levels: tupl
     """A cross over the cells where the loop does not follow in half of the runs."""
     share = summary.columns["tracking"] / summary.columns["wanted"]
     for (i, y), (j, x) in product(enumerate(levels[1]), enumerate(levels[0])):
-        own = share[(summary.columns[pair[0]] == x) & (summary.columns[pair[1]] == y)]
-        if len(own) and not np.nanmedian(np.where(np.isfinite(own), own, np.inf)) <= FOLLOWS:
+        shares = share[(summary.columns[pair[0]] == x) & (summary.columns[pair[1]] == y)]
+        if len(shares) and not np.nanmedian(np.where(np.isfinite(shares), shares, np.inf)) <= FOLLOWS:
             for side in (0.5, -0.5):
                 axes.plot([j - 0.5, j + 0.5], [i - side, i + side], color=VERMILION, lw=0.9)
 

@@ -107,18 +107,20 @@ def draw_kinds(result: Result) -> Figure | None:
     if inertia is None or not inertia.value or len(estimates) < 2:
         return None
     figure, (ax,) = new_figure(0.85 + 0.32 * len(estimates))
-    own = 100 * COVERAGE_FACTOR * combined((e for e in result.budget if e.type == "A"), result.leading) / inertia.value
-    if own > 0:
-        ax.axvspan(-own, own, color=GREEN, alpha=0.22, lw=0, label="estimate, 95 % from the data alone")
+    half_width = (
+        100 * COVERAGE_FACTOR * combined((e for e in result.budget if e.type == "A"), result.leading) / inertia.value
+    )
+    if half_width > 0:
+        ax.axvspan(-half_width, half_width, color=GREEN, alpha=0.22, lw=0, label="estimate, 95 % from the data alone")
     ax.axvline(0.0, color=GREEN, lw=1.6)
     spreads = {name: 100 * COVERAGE_FACTOR * abs(u / inertia.value) for name, (_, u) in estimates.items()}
     offs = {name: 100 * (value / inertia.value - 1) for name, (value, _) in estimates.items()}
     finest = min((spread for spread in spreads.values() if np.isfinite(spread)), default=0.0)
-    reach = own
+    reach = half_width
     for row, (name, off) in enumerate(offs.items()):
         bar = spreads[name] if np.isfinite(spreads[name]) else 0.0
         ax.errorbar(off, row, xerr=bar, **points(BLUE, elinewidth=1.1))
-        if bar <= COARSE * max(finest, own):
+        if bar <= COARSE * max(finest, half_width):
             reach = max(reach, abs(off) + bar)
         beside(ax, row, _in_percent(off, 100 * estimates[name][1] / abs(inertia.value)))
     if reach > 0:
@@ -159,8 +161,8 @@ def draw_budget(result: Result) -> Figure | None:
     bars = [(entry.source, entry.standard_uncertainty * scale, str(entry.type)) for entry in shown]
     if rest:
         kinds = {entry.type for entry in rest}
-        left = "A" if kinds == {"A"} else "B" if kinds == {"B"} else "both"
-        bars.append((f"{len(rest)} smaller ones", combined(rest, result.leading) * scale, left))
+        types = "A" if kinds == {"A"} else "B" if kinds == {"B"} else "both"
+        bars.append((f"{len(rest)} smaller ones", combined(rest, result.leading) * scale, types))
     bars.append(("combined", combined(entries, result.leading) * scale, "all"))
     figure, (ax,) = new_figure(0.95 + 0.3 * len(bars))
     seen: set[str] = set()
@@ -185,22 +187,24 @@ def draw_budget(result: Result) -> Figure | None:
 
 def draw_distribution(result: Result) -> Figure | None:
     """Histogram of the draws of the leading parameter with both 95 % intervals; None without draws."""
-    found = result.monte_carlo.parameters.get(result.leading) if result.monte_carlo else None
-    own = result.parameters.get(result.leading)
-    if found is None or own is None or not own.standard_uncertainty or own.interval95 is None:
+    drawn = result.monte_carlo.parameters.get(result.leading) if result.monte_carlo else None
+    parameter = result.parameters.get(result.leading)
+    if drawn is None or parameter is None or not parameter.standard_uncertainty or parameter.interval95 is None:
         return None
-    exponent = common_exponent([own.value])
+    exponent = common_exponent([parameter.value])
     scale = 10.0**-exponent
     figure, (ax,) = new_figure(2.7)
-    ax.hist(found.values * scale, bins="sqrt", density=True, color=BLUE, alpha=0.5, label="draws")
+    ax.hist(drawn.values * scale, bins="sqrt", density=True, color=BLUE, alpha=0.5, label="draws")
     reach = np.linspace(-4, 4, 161)
-    density = np.exp(-(reach**2) / 2) / np.sqrt(2 * np.pi) / (own.standard_uncertainty * scale)
-    ax.plot((own.value + reach * own.standard_uncertainty) * scale, density, color=GREEN, label="linear budget")
-    for ends, colour, style in ((found.interval95, BLUE, "-"), (own.interval95, GREEN, (0, (4, 2)))):
+    density = np.exp(-(reach**2) / 2) / np.sqrt(2 * np.pi) / (parameter.standard_uncertainty * scale)
+    ax.plot(
+        (parameter.value + reach * parameter.standard_uncertainty) * scale, density, color=GREEN, label="linear budget"
+    )
+    for ends, colour, style in ((drawn.interval95, BLUE, "-"), (parameter.interval95, GREEN, (0, (4, 2)))):
         for end in ends:
             ax.axvline(end * scale, color=colour, lw=1.1, ls=style)
     power = f"{power_of_ten(exponent)} " if exponent else ""
-    ax.set_xlabel(f"{result.leading}, {power}{pretty_unit(own.unit)}")
+    ax.set_xlabel(f"{result.leading}, {power}{pretty_unit(parameter.unit)}")
     ax.set_yticks([])
     legend_above(ax)
     return figure

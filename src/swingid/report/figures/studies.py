@@ -162,28 +162,28 @@ def _rows_of_swings(measured: np.ndarray) -> int:
     return int(len(measured) - crossings[-int(CLOSE) - 1])
 
 
-def draw_inspection(found: Inspection) -> Figure | None:
+def draw_inspection(inspection: Inspection) -> Figure | None:
     """The picture of an inspection; None where no log could be read."""
     from matplotlib.figure import Figure
 
-    log = found.log
+    log = inspection.log
     if log is None:
         return None
-    drives = drives_of(log, linear=found.linear)
+    drives = drives_of(log, linear=inspection.linear)
     figure = Figure(figsize=(WIDTH, 1.9 + 1.15 * len(drives) + 1.9))
     grid = figure.add_gridspec(2 + len(drives), 2, height_ratios=[1.7, *[1.0] * len(drives), 1.6])
     top = figure.add_subplot(grid[0, :])
-    _draw_motion(top, found, log)
+    _draw_motion(top, inspection, log)
     last = top
     for k, drive in enumerate(drives, start=1):
         last = figure.add_subplot(grid[k, :], sharex=top)
         draw_panel(last, log.time, drive)
-        _grey_unused(last, log, found.swings)
+        _grey_unused(last, log, inspection.swings)
     for axes in figure.axes[:-1]:
         axes.tick_params(labelbottom=axes is last)
     last.set_xlabel("time, s")
-    _draw_spectrum(figure.add_subplot(grid[-1, 0]), log, found.swings, linear=found.linear)
-    _draw_clock(figure.add_subplot(grid[-1, 1]), found.clock)
+    _draw_spectrum(figure.add_subplot(grid[-1, 0]), log, inspection.swings, linear=inspection.linear)
+    _draw_clock(figure.add_subplot(grid[-1, 1]), inspection.clock)
     figure.align_ylabels(figure.axes[:-2])
     return figure
 
@@ -198,10 +198,10 @@ def _grey_unused(axes: Axes, log: Recording, swings: Swings | None) -> None:
             axes.axvspan(begin, end, color=PALE, lw=0, zorder=0)
 
 
-def _draw_motion(axes: Axes, found: Inspection, log: Recording) -> None:
-    swings = found.swings
+def _draw_motion(axes: Axes, inspection: Inspection, log: Recording) -> None:
+    swings = inspection.swings
     axes.plot(*envelope(log.time, log.angle), color=BLUE, lw=0.8)
-    title = "position" if found.linear else "angle"
+    title = "position" if inspection.linear else "angle"
     if swings is not None:
         inside = swings.motion.within(swings.start, swings.stop)
         if len(inside.turning_times) <= SHOWN_POINTS:
@@ -215,7 +215,7 @@ def _draw_motion(axes: Axes, found: Inspection, log: Recording) -> None:
         title += "; red: at rest" if len(inside.rests) else ""
     _grey_unused(axes, log, swings)
     axes.set_title(title, pad=3)
-    axes.set_ylabel("m" if found.linear else "rad")
+    axes.set_ylabel("m" if inspection.linear else "rad")
 
 
 def _draw_spectrum(axes: Axes, log: Recording, swings: Swings | None, *, linear: bool) -> None:

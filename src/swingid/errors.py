@@ -20,6 +20,10 @@ class SwingidError(Exception):
         self.message = message
         self.code = code
 
+    def reworded(self, message: str) -> SwingidError:
+        """The same error in other words."""
+        return _restored(type(self), (message,), {**vars(self), "message": message})
+
     def __reduce__(self) -> tuple[object, ...]:
         """Restore the whole error from a pickle, which would call the class with the message alone."""
         return _restored, (type(self), self.args, vars(self))

@@ -24,8 +24,7 @@ def in_units_of(reference: Reference) -> Iterator[None]:
         yield
     except SwingidError as error:
         (message,) = in_words((Message(error.code, error.message),), reference.name, reference.unit)
-        error.message, error.args = message.message, (message.message,)
-        raise
+        raise error.reworded(message.message) from None
 
 
 def unscaled(result: Result, reference: Reference, rig: Rig) -> Result:

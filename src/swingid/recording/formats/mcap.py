@@ -50,11 +50,11 @@ def read(content: bytes, name: str) -> Table:
             contents = _up_to_the_cut(content)
             if not contents.cut:
                 raise error from None
-        decode = _ros2_decoder()
+        decode = ros2_decoder()
         for schema, channel, message in contents.messages:
             if contents.metadata.get("live") and channel.topic != LIVE:
                 continue
-            cells = _cells(schema, channel, message, decode, name)
+            cells = cells_of(schema, channel, message, decode, name)
             if cells:
                 topics.setdefault(channel.topic.strip("/").replace("/", "."), []).append(cells)
     except InputError:
@@ -73,9 +73,10 @@ def read(content: bytes, name: str) -> Table:
 
 
 @dataclass
-class _Found:
-    """The messages of a file with their schemas and channels, swingid's metadata, and whether it is a
-    journal whose end is missing.
+class Contents:
+    """The messages of a file with their schemas and channels, swingid's metadata.
+
+    cut: whether it is a journal whose end is missing.
     """
 
     messages: list[tuple[Any, Any, Any]] = field(default_factory=list)
@@ -91,10 +92,10 @@ class _Found:
             self.metadata = self.metadata | {"run": dict(record.metadata)}
 
 
-def _whole(content: bytes) -> _Found:
+def _whole(content: bytes) -> Contents:
     from mcap.reader import make_reader
 
-    contents = _Found()
+    contents = Contents()
     reader = make_reader(io.BytesIO(content))
     for record in reader.iter_metadata():
         contents.note(record)
@@ -102,7 +103,7 @@ def _whole(content: bytes) -> _Found:
     return contents
 
 
-def _up_to_the_cut(content: bytes) -> _Found:
+def _up_to_the_cut(content: bytes) -> Contents:
     """What a file without its end holds, each block compared with its checksum; as `iter_messages`, by log time."""
     import struct
 
@@ -110,7 +111,7 @@ def _up_to_the_cut(content: bytes) -> _Found:
     from mcap.records import Channel, Message, Metadata, Schema
     from mcap.stream_reader import StreamReader
 
-    contents = _Found()
+    contents = Contents()
     schemas: dict[int, Any] = {0: None}
     channels: dict[int, Any] = {}
     try:
@@ -171,7 +172,8 @@ def _stamps(columns: Mapping[str, Array], rows: int) -> list[int]:
     return [round(1e9 * since) for since in (clock - clock[0]).tolist()]
 
 
-def _ros2_decoder() -> Any:
+def ros2_decoder() -> Any:
+    """What decodes messages of ROS 2; None without the package mcap-ros2-support."""
     try:
         from mcap_ros2.decoder import DecoderFactory
     except ImportError:
@@ -179,7 +181,7 @@ def _ros2_decoder() -> Any:
     return DecoderFactory()
 
 
-def _cells(schema: Any, channel: Any, message: Any, decode: Any, name: str) -> dict[str, float]:
+def cells_of(schema: Any, channel: Any, message: Any, decode: Any, name: str) -> dict[str, float]:
     """The numbers of one message with its instant as "time" (unless it has a "t" or "time" of its own)."""
     cells: dict[str, float] = {}
     if channel.message_encoding == "json":

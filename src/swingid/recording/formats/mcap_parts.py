@@ -73,7 +73,7 @@ class File:
                 summary = reader.get_summary()
                 if summary is None or summary.statistics is None or not _follow(summary.chunk_indexes):
                     return None
-                contents = mcap._Found()
+                contents = mcap.Contents()
                 for record in reader.iter_metadata():
                     contents.note(record)
                 topics = _topics(reader, summary, bool(contents.metadata.get("live")))
@@ -216,8 +216,8 @@ class _Messages:
 
     def _one_by_one(self, wanted: list[str]) -> dict[str, Array]:
         """Columns of messages as `mcap.read` has them."""
-        decode = mcap._ros2_decoder()
-        rows = [mcap._cells(*entry, decode, self.path) for entry in self._entries()]
+        decode = mcap.ros2_decoder()
+        rows = [mcap.cells_of(*entry, decode, self.path) for entry in self._entries()]
         columns = columns_of([cells for cells in rows if cells])
         length = sum(1 for cells in rows if cells)
         return {name: np.asarray(columns.get(name, np.full(length, np.nan)), np.float64) for name in wanted}
@@ -264,13 +264,13 @@ def _topics(reader: Any, summary: Any, live: bool) -> list[_Topic]:
     for channel in summary.channels.values():
         if not live or channel.topic == mcap.LIVE:
             channels.setdefault(channel.topic, []).append(channel)
-    decode = mcap._ros2_decoder()
+    decode = mcap.ros2_decoder()
     topics = []
     for name, of_topic in channels.items():
         counts = summary.statistics.channel_message_counts
         rows = sum(int(counts.get(channel.id, 0)) for channel in of_topic)
         sample = list(islice(reader.iter_messages(topics=[name]), SAMPLE)) if rows else []
-        cells = [mcap._cells(kind, channel, message, decode, name) for kind, channel, message in sample]
+        cells = [mcap.cells_of(kind, channel, message, decode, name) for kind, channel, message in sample]
         columns = tuple(dict.fromkeys(column for row in cells for column in row))
         if not columns:
             continue

@@ -51,9 +51,9 @@ def compensated_fit(fit: WindowFit) -> WindowFit:
         raise UnanswerableError("the windows contain no more than noise; record larger swings.", code="too-noisy")
     influence = np.linalg.solve(normal, (columns / scale).T) / scale[:, None]
     values = influence @ fit.known
-    found = LinearFit(values, fit.known - columns @ values, influence, float(np.sqrt(powers[-1] / powers[0])))
-    covariance, computed = covariance_of(found, fit.rows, unknowns, fit.equation, fit.noise)
-    return replace(fit, fit=found, covariance=covariance, computed=float(computed), declared=())
+    solved = LinearFit(values, fit.known - columns @ values, influence, float(np.sqrt(powers[-1] / powers[0])))
+    covariance, computed = covariance_of(solved, fit.rows, unknowns, fit.equation, fit.noise)
+    return replace(fit, fit=solved, covariance=covariance, computed=float(computed), declared=())
 
 
 def compensated(check: MomentumCheck) -> Result:
@@ -64,30 +64,30 @@ def compensated(check: MomentumCheck) -> Result:
     plain = fit_rows(rows_of(suited, law_windows(suited, SHORTER * law.half)), law.equation, law.noise, law.friction)
     if plain is None:
         raise UnanswerableError("the log is too short for the unknowns; record a longer one.", code="too-short")
-    own = compensated_fit(plain)
-    common = {"place of the encoder's grid": grid_spread(suited, own, "inertia"), CONFLICT: check.conflict}
-    found = _evaluated(own, prepared, errors_of(own.rows, suited, rig, own.equation, own.coefficients), common)
-    found, differs = check.compared(found, "the power of the noise")
-    checked = check.tested(check.alone(found)) + differs + moved.checked
+    fit = compensated_fit(plain)
+    common = {"place of the encoder's grid": grid_spread(suited, fit, "inertia"), CONFLICT: check.conflict}
+    evaluated = _evaluated(fit, prepared, errors_of(fit.rows, suited, rig, fit.equation, fit.coefficients), common)
+    evaluated, differs = check.compared(evaluated, "the power of the noise")
+    checked = check.tested(check.alone(evaluated)) + differs + moved.checked
     details = Details(
-        start=part.start, stop=part.stop, window=own.half, friction=choice.friction.curve,
+        start=part.start, stop=part.stop, window=fit.half, friction=choice.friction.curve,
         turning_times=signals.motion.turning_times, turning_angles=signals.motion.turning_angles,
-        residual_times=own.rows.windows.centres, residuals=own.fit.residuals / (own.rows.windows.half * 32 / 35),
+        residual_times=fit.rows.windows.centres, residuals=fit.fit.residuals / (fit.rows.windows.half * 32 / 35),
     )  # fmt: skip
-    return prepared.result(NAME, check.widened(found), part, checked, details, corrections=moved.corrections)
+    return prepared.result(NAME, check.widened(evaluated), part, checked, details, corrections=moved.corrections)
 
 
-def _evaluated(own: WindowFit, prepared: Prepared, errors: list, common: dict[str, float]) -> Evaluated:
+def _evaluated(fit: WindowFit, prepared: Prepared, errors: list, common: dict[str, float]) -> Evaluated:
     """Inertia and sought coefficients with their budget: scatter, what it lacks, what the rig file states."""
-    units = units_on(linear=own.equation.linear)
-    values = {"inertia": (own.inertia, own.equation.unit)}
-    values |= {name: (own.value(name), units[name]) for name in own.equation.sought[1:]}
-    at = [own.unknowns.index(name) for name in values]
-    declared = [error.on(own.fit.influence[at] @ error.rows) for error in errors]
-    scatter = Scatter("scatter of the windows", own.covariance[np.ix_(at, at)], np.full(len(at), own.freedom))
+    units = units_on(linear=fit.equation.linear)
+    values = {"inertia": (fit.inertia, fit.equation.unit)}
+    values |= {name: (fit.value(name), units[name]) for name in fit.equation.sought[1:]}
+    at = [fit.unknowns.index(name) for name in values]
+    declared = [error.on(fit.fit.influence[at] @ error.rows) for error in errors]
+    scatter = Scatter("scatter of the windows", fit.covariance[np.ix_(at, at)], np.full(len(at), fit.freedom))
     beyond = [(systematic(source), "inertia", spread) for source, spread in common.items()]
-    found = evaluate(values, scatter, beyond, declared, relative=prepared.rig.axis.model_uncertainty)
-    return replace(found, sensitivities=sensitivities(own.rows, own.equation, own.fit.influence[0]))
+    evaluated = evaluate(values, scatter, beyond, declared, relative=prepared.rig.axis.model_uncertainty)
+    return replace(evaluated, sensitivities=sensitivities(fit.rows, fit.equation, fit.fit.influence[0]))
 
 
 def _load() -> Callable[..., Result]:

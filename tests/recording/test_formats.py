@@ -341,23 +341,35 @@ def _matlab_v73(path, fill) -> bytes:
     return b"MATLAB 7.3 MAT-file".ljust(512, b"\0") + (path / "log.mat").read_bytes()[512:]
 
 
-def test_recorders_of_dspace_in_matlab_v73_are_read_through_their_references(tmp_path):
+@pytest.mark.parametrize(
+    ("titles", "columns"),
+    [
+        (("time", "time"), ("rec.Y(1).Data", "rec.Y(2).Data")),  # which do not tell them apart
+        (("theta", "Model Root/u"), ("rec.Y.theta", "rec.Y.Model Root/u")),
+    ],
+)
+def test_recorders_of_dspace_in_matlab_v73_are_read_through_their_references(tmp_path, titles, columns):
+    def written(file, path, title):
+        text = file.create_dataset(path, data=np.array([[ord(letter)] for letter in title], dtype="u2"))
+        text.attrs["MATLAB_class"] = np.bytes_("char")
+        return text.ref
+
     def fill(h5py, file):
         time = file.create_dataset("rec/X/Data", data=TIME[:, None])
         time.attrs["MATLAB_class"] = np.bytes_("double")
-        text = file.create_dataset("rec/X/Name", data=np.array([[ord(letter)] for letter in "time"], dtype="u2"))
-        text.attrs["MATLAB_class"] = np.bytes_("char")
+        written(file, "rec/X/Name", "time")
         signals = [file.create_dataset(f"#refs#/{k}", data=k * ANGLE[:, None]).ref for k in (1, 2)]
         shape = (2, 1)
         data = np.array(signals, dtype=object).reshape(shape)
         file.create_dataset("rec/Y/Data", data=data, dtype=h5py.ref_dtype)
-        names = np.array([text.ref, text.ref], dtype=object).reshape(shape)
+        texts = [written(file, f"#refs#/n{k}", title) for k, title in enumerate(titles)]
+        names = np.array(texts, dtype=object).reshape(shape)
         file.create_dataset("rec/Y/Name", data=names, dtype=h5py.ref_dtype)
 
     table = read_table(_matlab_v73(tmp_path, fill), "log.mat")
-    assert set(table.columns) == {"rec.X.Data", "rec.Y(1).Data", "rec.Y(2).Data"}
+    assert set(table.columns) == {"rec.X.Data", *columns}
     np.testing.assert_array_equal(table.numbers("rec.X.Data")[0], TIME)
-    np.testing.assert_array_equal(table.numbers("rec.Y(2).Data")[0], 2 * ANGLE)
+    np.testing.assert_array_equal(table.numbers(columns[1])[0], 2 * ANGLE)
 
 
 def test_cells_of_matlab_v73_are_read_and_lead_no_further_than_once(tmp_path):

@@ -87,7 +87,8 @@ def data_sets(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iter
 def _arrays(item: Any, prefix: str, key: str, above: tuple[Any, ...]) -> Iterator[tuple[str, Any]]:
     """A data set called `prefix` + `key`, or those to which it refers: the cells of MATLAB, a field of several structs.
 
-    The field of struct k of `s` is called ``s(k).field``, cell k of `c` ``c{k}``.
+    The field of struct k of `s` is called ``s(k).field``, by its `Name` where it has one (``s.Name``, the rest behind
+    it where that is not `Data`), cell k of `c` ``c{k}``.
     """
     h5py: Any = importlib.import_module("h5py")
     kind = bytes(item.attrs.get("MATLAB_class", b""))
@@ -99,14 +100,30 @@ def _arrays(item: Any, prefix: str, key: str, above: tuple[Any, ...]) -> Iterato
     if not item.size or item.size > MOST_REFERENCES or item in above or len(above) > DEPTH:
         return
     above = (*above, item)
+    is_field = kind != b"cell" and prefix.endswith(".")
+    titles = _titles(item) if is_field else []
     for k, reference in enumerate(item[()].ravel(), start=1):
-        is_field = kind != b"cell" and prefix.endswith(".")
         name = f"{prefix[:-1]}({k}).{key}" if is_field else f"{prefix}{key}{{{k}}}"
+        if titles:
+            name = f"{prefix}{titles[k - 1]}" + ("" if key == "Data" else f".{key}")
         target = item.file[reference] if reference else None
         if isinstance(target, h5py.Dataset):
             yield from _arrays(target, "", name, above)
         elif isinstance(target, h5py.Group) and target not in above:
             yield from data_sets(target, f"{name}.", above)
+
+
+def _titles(item: Any) -> list[str]:
+    """The texts in the field `Name` of the structs of which `item` is a field; none where they are not one each."""
+    names = item.parent.get("Name")
+    references = () if names is None or names == item or names.shape != item.shape else names[()].ravel()
+    texts = [item.file[reference] if reference else None for reference in references]
+    titles = [
+        "".join(map(chr, text[()].ravel().tolist()))
+        for text in texts
+        if text is not None and bytes(text.attrs.get("MATLAB_class", b"")) == b"char" and text.dtype.kind == "u"
+    ]
+    return titles if len(set(titles)) == item.size and all(titles) else []
 
 
 def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:

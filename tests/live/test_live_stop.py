@@ -129,8 +129,9 @@ def is_zero(device: Emulated) -> bool:
         *(
             pytest.param(times, every, after, marks=pytest.mark.long)
             for times in (2, 3, 10)
-            for every in (0.005, 0.03, 0.3)  # closer ones are one signal for the system
+            for every in (0.005, 0.03, 0.3)
             for after in (0.2, 2.0)
+            if (times, every) != (2, 0.005)  # both can be one signal on a busy machine, which is a soft stop
         ),
     ],
 )

@@ -191,6 +191,7 @@ def test_two_runs_with_and_without_a_known_body_give_stiffness_and_inertia():
     unknown = rig_of(axis='stiffness = "unknown"')
     tare, loaded = (sw.identify(log, unknown) for log in logs)
     found = difference(tare, loaded, known="1.000 ± 0.001 g*m^2")
+    assert found.leading == "tare_inertia"
     for name, true in (("stiffness", 0.05), ("tare_inertia", 2e-3), ("loaded_inertia", 3e-3)):
         one = found.parameters[name]
         assert one.value == pytest.approx(true, rel=5e-4)

@@ -159,6 +159,21 @@ def test_the_rig_says_what_is_exact_and_hides_what_is_sought(pages: dict[str, st
     assert not any(key.startswith(("axis.inertia", "axis.friction")) for key in by_key)
 
 
+def test_the_rig_has_the_terms_beyond_gravity_and_friction() -> None:
+    text = factories.FREE.replace("[axis]", '[axis]\nstiffness = "0.05 ± 0.001 N*m/rad"', 1)
+    (value,) = (row[1] for row in tables.rig_table(Rig.from_text(text)).rows if "axis.stiffness" in str(row))
+    assert str(value).replace("\u00a0", " ") == "(0.0500 ± 0.0010) N m/rad"
+
+
+def test_each_log_of_several_has_its_digest() -> None:
+    result = factories.clean_result()
+    origin = {key: value for key, value in result.provenance.items() if not key.startswith("log")}
+    several = {"logs": ["a.csv", "b.csv"], "logs_sha256": ["a1" * 32, "b2" * 32]}
+    page = Page(render(replace(result, provenance=origin | several), None, None))
+    assert "SHA-256 of log 1" in page.text
+    assert "b2" * 32 in page.text
+
+
 def test_a_linear_axis_is_told_in_kg_n_and_m(pages: dict[str, str]) -> None:
     text = Page(pages["linear"]).text
     assert "M\u00a0=\u00a0(95.10" in text

@@ -13,6 +13,7 @@ from refusals import coded
 from swingid.control.compensator import Compensator
 from swingid.errors import InputError, UnanswerableError
 from swingid.pooling import difference
+from swingid.result.brief import brief
 from swingid.result.file import load_result
 from swingid.simulation import simulate
 from swingid.study.compare import compare
@@ -72,6 +73,9 @@ def test_a_free_swing_without_a_gravity_torque_gives_ratios(log, method):
         found = result.parameters[name]
         assert abs(found.value - true) < 3 * found.standard_uncertainty
     assert result.main.value == pytest.approx(B / J, rel=1e-3)
+    (scale,) = (line for line in brief(result).splitlines() if line.startswith("scale "))
+    assert "axis.gravity_torque" in " ".join(brief(result).split())
+    assert "nothing in rig" in scale
 
 
 def test_ratios_are_those_of_the_result_with_a_known_scale(log):

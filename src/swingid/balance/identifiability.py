@@ -182,9 +182,18 @@ def advice(seen: Identifiability, frequency: float | None = None, natural: float
 
 
 def advice_on_gravity(
-    frequency: float | None = None, natural: float = 0.0, keys: Sequence[str] = ("axis.gravity_torque",)
+    frequency: float | None = None,
+    natural: float = 0.0,
+    keys: Sequence[str] = ("axis.gravity_torque",),
+    *,
+    driven: bool = True,
 ) -> str:
-    """How to distinguish the inertia from torques of the angle, stated under `keys`: gravity, springs, cogging."""
+    """How to distinguish the inertia from torques of the angle, stated under `keys`: gravity, springs, cogging.
+
+    driven: whether a drive moves the body; one that swings freely has its own frequency only.
+    """
+    if not driven:
+        return f"give {' or '.join(keys)} (a gravity torque is 0 on a wire and on a vertical axis)"
     such = "" if frequency is None else f", such as {second_frequency(frequency, natural):g} rad/s"
     more = " and a second amplitude" if len(keys) > 1 else ""
     return f"add a second frequency{such}{more}, or give {' or '.join(keys)}"

@@ -200,9 +200,10 @@ def _hopeless(inertia: Parameter, relative: float, law: WindowFit, motion: tuple
     sought = equation.sought[1:]
     torques = [TERMS[name] for name in sought if TERMS[name].is_conservative]
     if torques:
+        keys = [term.key or term.words for term in torques]
         return (
             f"inertia and {' and '.join(term.words for term in torques)} are correlated in this motion (the inertia is "
-            f"uncertain by {spread}); {advice_on_gravity(*motion, [term.key or term.words for term in torques])}."
+            f"uncertain by {spread}); {advice_on_gravity(*motion, keys, driven=equation.driven)}."
         )
     return (
         f"the motion does not determine the inertia (it is uncertain by {spread}); "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -52,9 +53,10 @@ def init(
     except OSError as error:
         raise output.cannot_write(path, error.strerror or str(error)) from None
     if log is None:
-        output.tell(f"wrote {path}\nfill it in, then: swingid identify LOG --rig {path}")
+        output.tell(f"wrote {path}\nfill it in, then: swingid identify LOG --rig {quote(str(path))}")
     else:
-        output.tell(f"wrote {path}\nfill it in and confirm its [log], then: swingid inspect {log} --rig {path}")
+        command = f"swingid inspect {quote(log)} --rig {quote(str(path))}"
+        output.tell(f"wrote {path}\nfill it in and confirm its [log], then: {command}")
 
 
 def _asked() -> str:

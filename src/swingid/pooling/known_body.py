@@ -13,6 +13,7 @@ from swingid.errors import InputError, UnanswerableError
 from swingid.format import percent
 from swingid.model.terms import TERMS
 from swingid.pooling.runs import GRAVITY, Runs, constant
+from swingid.result.data import TARE
 from swingid.result.result import Message
 from swingid.uncertainty.freedom import COVERAGE_FACTOR
 from swingid.uncertainty.uncertain import Uncertain
@@ -70,11 +71,11 @@ def scaled_by_body(runs: Runs, known: Uncertain) -> tuple[Found, list[Message]]:
         )
     scale = known / apart
     results = {
+        TARE: (first * scale, unit),
         name: (scale, TERMS[name].unit if name in TERMS else "N m"),
-        "tare_inertia": (first * scale, unit),
         "loaded_inertia": (second * scale, unit),
     }
-    text = f"the body is {percent(known.value / results['tare_inertia'][0].value)} of the inertia without it"
+    text = f"the body is {percent(known.value / results[TARE][0].value)} of the inertia without it"
     if name == WEIGHED:
         text += "; the gravity torque is taken as equal in both runs, so the body's centre must be on the axis"
     return results, [Message("scale-by-body", f"{text}.")]

@@ -30,7 +30,8 @@ REMEDIES = {
     SUSPENSION: ("weigh what hangs on the strings (mass under axis.bifilar or axis.trifilar)"),
     WHEEL: (
         "weigh and measure the wheel (drive.wheel.inertia), or weigh the body and measure the distance of its centre "
-        "of mass from the axis (axis.mass and axis.lever) and move it at two frequencies"
+        "of mass from the axis (axis.mass and axis.lever) and move it at two frequencies, or add a body of known "
+        "inertia and give both results to swingid difference --known"
     ),
     PER_VOLT: (
         "state drive.motor.torque_per_volt (or torque_constant and resistance), or log it with and without a known "

@@ -113,9 +113,13 @@ def _identification(result: Result, certificate: Certificate | None, issued: str
     rows += stated_rows(certificate) if certificate else []
     logs = result.provenance.get("logs") or [result.provenance.get("log")]
     named = [str(log) for log in logs if log] if isinstance(logs, list) else []
-    digest = result.provenance.get("log_sha256")
+    digests = result.provenance.get("logs_sha256") or [result.provenance.get("log_sha256")]
+    digests = [str(digest) for digest in digests if digest] if isinstance(digests, list) else []
     rows += [("log" if len(named) == 1 else "logs", ", ".join(named))] if named else []
-    rows += [("SHA-256 of the log", str(digest))] if digest else []
+    if len(digests) == 1:
+        rows.append(("SHA-256 of the log", digests[0]))
+    else:
+        rows += [(f"SHA-256 of log {k}", digest) for k, digest in enumerate(digests, start=1)]
     return rows
 
 

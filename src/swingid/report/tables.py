@@ -11,8 +11,9 @@ import numpy as np
 from swingid.checks.stability import DIVIDED
 from swingid.checks.table import CHECKS
 from swingid.format import interval, number, percent, plus_minus, span
+from swingid.model.terms import further_terms, stated_at
 from swingid.numerics.arrays import robust_spread
-from swingid.report.words import DRIVES, EXTRA, METHODS, NOT_USED, RIG, SENSORS, Word, parameter_word
+from swingid.report.words import DRIVES, EXTRA, METHODS, NOT_USED, RIG, SENSORS, Word, last_part, parameter_word
 from swingid.result.result import Result
 from swingid.result.summary import (
     AGREEMENT,
@@ -100,7 +101,7 @@ def rig_table(rig: Rig) -> Table:
     linear = rig.axis.kind == "linear"
     rows = []
     for key, value in _constants(rig):
-        word = RIG.get(key, Word(key.rpartition(".")[2].replace("_", " ")))
+        word = RIG.get(key, Word(last_part(key)))
         unit = word.unit_on(linear=linear)
         if key.startswith(NOT_USED) or (linear and key == "axis.gravity_torque"):
             continue
@@ -119,8 +120,11 @@ def rig_table(rig: Rig) -> Table:
 
 def _constants(rig: Rig) -> Iterator[tuple[str, object]]:
     """Dotted key and value of all quantities under [axis] and [drive] that rig.toml sets, and of the torque's gain."""
-    for section in ("axis", "drive"):
-        yield from _leaves(getattr(rig, section), section)
+    axis = dict(_leaves(rig.axis, "axis"))
+    keys = (key for term in further_terms() for key in (term.key, term.order, term.shift) if key)
+    terms = {key: value for key in dict.fromkeys(keys) if (value := stated_at(rig, key)) not in (None, Quantity(0.0))}
+    yield from (axis | terms).items()
+    yield from _leaves(rig.drive, "drive")
     gain = getattr(rig.log, "torque_gain", None)
     if rig.drive.channel == "torque" and isinstance(gain, Quantity):
         yield "log.torque_gain", gain

@@ -25,8 +25,14 @@ class Word:
         return self.linear if linear and self.linear is not None else self.unit
 
 
+def last_part(key: str) -> str:
+    """The last part of a key as words."""
+    return key.rpartition(".")[2].replace("_", " ")
+
+
 RIG = {
     **{term.key: Word(term.words, term.symbol, term.unit, term.linear) for term in TERMS.values() if term.key},
+    **{term.shift: Word(last_part(term.shift), "", "rad", "m") for term in TERMS.values() if term.shift},
     "axis.inertia": Word("moment of inertia", "J₁", "kg m^2", "kg"),
     "drive.motor.dead_zone": Word("motor dead zone", "d₂ … d₁", "N m"),
     "drive.motor.voltage_limit": Word("voltage limit", "", "V"),
@@ -49,6 +55,8 @@ CALIBRATED = {
     "motor.dead_zone.positive": Word("dead zone, upper edge", "d₁", "N m"),
     "motor.dead_zone.negative": Word("dead zone, lower edge", "d₂", "N m"),
     "gravity_per_inertia": Word("gravity torque per inertia of the whole axis", "b/a₁₁", "1/s^2"),
+    "tare_inertia": Word("moment of inertia without the known body", "", "kg m^2", "kg"),
+    "loaded_inertia": Word("moment of inertia with the known body", "", "kg m^2", "kg"),
     "sensors.nonlinearity_cosine": Word("axis' encoder, cosine part once per turn", "α₁", "rad"),
     "sensors.nonlinearity_sine": Word("axis' encoder, sine part once per turn", "β₁", "rad"),
     "sensors.wheel.nonlinearity_cosine": Word("wheel's encoder, cosine part once per turn", "α₂", "rad"),

@@ -32,7 +32,7 @@ def brief(result: ResultData) -> str:
         ("status", STATUS[result.status]),
         ("log", _origin(result)),
     ]
-    rows += [*_shares(result), *_notes(result)]
+    rows += [*_scale(result), *_shares(result), *_notes(result)]
     wide = max(len(name) for name, _ in rows) + 2
     lines = [line for name, text in rows for line in _wrapped(f"{name:<{wide}}{text}", " " * wide)]
     warned = (_wrapped(f"{warning.code}: {warning.message}", "    ") for warning in result.warnings)
@@ -140,16 +140,30 @@ def _halved(entry: BudgetEntry, main: Parameter) -> str:
         return "the interval is still unknown"
     remaining = main.standard_uncertainty**2 - 0.75 * entry.standard_uncertainty**2
     reach = main.coverage_factor * sqrt(max(remaining, 0.0))
-    size = percent(reach / abs(main.value)) if main.value else number(reach, main.unit, 2)
-    return f"± {size} (95 %)"
+    now = main.coverage_factor * main.standard_uncertainty
+    before, after = (percent(u / abs(main.value)) if main.value else number(u, main.unit, 2) for u in (now, reach))
+    return f"± {before} becomes ± {after}"
+
+
+def _scale(result: ResultData) -> Iterator[tuple[str, str]]:
+    """What to measure for an inertia, where there are ratios only."""
+    yield from (("scale", note.message) for note in result.notes if note.code == "no-scale")
 
 
 def _notes(result: ResultData) -> Iterator[tuple[str, str]]:
     if result.notes:
-        codes = list(dict.fromkeys(note.code for note in result.notes))
+        codes = list(dict.fromkeys(note.code for note in result.notes if note.code != "no-scale"))
         more = f" and {len(codes) - MOST_NOTES} more" if len(codes) > MOST_NOTES else ""
         yield "notes", f"{', '.join(codes[:MOST_NOTES])}{more} (-v shows them)"
 
 
 def _wrapped(text: str, further: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
+    """Lines of `text`, with no number parted from its percent sign."""
+    lines = textwrap.wrap(
+        text.replace(" %", "\N{NO-BREAK SPACE}%"),
+        WIDTH,
+        subsequent_indent=further,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return [line.replace("\N{NO-BREAK SPACE}%", " %") for line in lines]

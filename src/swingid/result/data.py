@@ -18,6 +18,9 @@ SCHEMA = "swingid.result/1"
 WHERE_GIVEN = ("sensitivities", "covariance", "correlation", "ratios", "monte_carlo", "per_log", "per_part")
 """Keys that a file has only where they hold something."""
 
+TARE = "tare_inertia"
+"""Parameter of a difference: the inertia without the body."""
+
 IN_FILES = {"covariance_of_fit": "covariance"}
 """Keys in files of fields that are called otherwise here."""
 
@@ -231,8 +234,12 @@ class ResultData:
 
     @property
     def leading(self) -> str:
-        """Name of the parameter that the result is about: "inertia", or the first ratio without a scale."""
-        return next(iter(self.parameters)) if self.ratios and self.parameters else "inertia"
+        """Name of the parameter that the result is about: "inertia", without a scale the first ratio.
+
+        `TARE` of a difference whose scale a known body sets, for its "inertia" is the one that was given.
+        """
+        first = next(iter(self.parameters), "inertia")
+        return first if self.ratios or first == TARE else "inertia"
 
     @property
     def main(self) -> Parameter:
@@ -258,7 +265,8 @@ def require_scale(result: ResultData, name: str) -> None:
     if result.ratios:
         raise UnanswerableError(
             f"{name} has ratios to the inertia only ({', '.join(result.parameters)}), for nothing in its rig file set "
-            "the scale; state what its note no-scale names, and identify the log again.",
+            "the scale; state what its note no-scale names, and identify the log again, or give two such results, "
+            "without and with a known body, to swingid difference --known.",
             code="no-scale",
         )
 

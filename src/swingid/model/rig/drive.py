@@ -125,7 +125,11 @@ class Drive(Table):
     def _sections_fit_the_kind(self) -> Self:
         if self.kind == "reaction-wheel":
             if self.wheel is None:
-                refuse("missing-key", "is missing: kind = 'reaction-wheel' needs its inertia", "wheel")
+                refuse(
+                    "missing-key",
+                    "is missing: kind = 'reaction-wheel' needs its inertia, or \"unknown\" for ratios",
+                    "wheel",
+                )
             rotor = self.motor is not None and self.motor.rotor_inertia.value
             if isinstance(self.wheel.inertia, UnknownScale) and rotor:
                 problem = "is given beside an unknown wheel.inertia, which stands for wheel and rotor; leave it out"

@@ -108,7 +108,7 @@ def guess_speeds(moving: list[Candidate], stamps: Array) -> list[tuple[Candidate
         match = [(r, c) for r, c in match if c.scores["speed"] < 3 and c.unit not in traits.SPEED_UNITS]
         r, of = max(match, key=lambda m: (round(m[0], 2), -m[1].scores["reference"]), default=(0.0, speed))
         if named or (r > DERIVATIVE and traits.has_size(level[speed.name], slopes[of.name])):
-            result.append((speed, of.name if r > DERIVATIVE else "what is not logged"))
+            result.append((speed, of.name if r > DERIVATIVE else "an angle that is not logged"))
     return result
 
 

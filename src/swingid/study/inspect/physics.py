@@ -101,7 +101,8 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
         checks.append(_latency(extras["latency"], balance, rig))
     checks += _voltage(fits, balance, rig)
     for which, word, table in (("angle", "angle", "sensors"), ("wheel", "wheel", "sensors.wheel")):
-        if f"{which} 1 cosine" in extras:
+        is_encoder = which == "wheel" or not rig.log.has_rate_alone
+        if is_encoder and f"{which} 1 cosine" in extras:
             checks.append(_encoder(extras, which, word, table, rig))
     if not any(check.level in ("repair", "advice") and check.code in BENDS_GRAVITY for check in checks):
         checks += _gravity(balance, rig)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.methods.output_error import along, method
 from swingid.methods.output_error.axis_motion import COURSES, SPEED, WHEEL, axis_begin, axis_step
+from swingid.methods.output_error.search import Choice
 from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
 from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, ROWS, STATES, V1
@@ -384,6 +386,41 @@ def test_the_law_is_found_and_named(viscous_log):
     assert result.status == "ok"
     assert abs(error(result)) < 1e-4
     assert abs(result.inertia.value - INERTIA) < 4 * result.inertia.standard_uncertainty
+
+
+@pytest.mark.parametrize(
+    ("predicted", "actual", "law", "fits"),
+    [
+        ({"viscous": 0.0, "stribeck": 3.0}, {"viscous": 1.0}, "viscous", 1),
+        ({"stribeck": -40.0, "viscous": 0.0, "coulomb": 4.0}, {"stribeck": 20.0, "viscous": 0.5}, "viscous", 2),
+        ({"stribeck": -40.0, "viscous": 0.0, "coulomb": 4.0}, {"stribeck": 1.0, "viscous": 2.0}, "stribeck", 2),
+        ({"stribeck": -40.0, "viscous": 0.0}, {"stribeck": np.inf, "viscous": 9.0}, "viscous", 2),
+    ],
+)
+def test_a_law_whose_fit_is_worse_than_the_next_one_promises_is_not_taken_unseen(
+    predicted, actual, law, fits, monkeypatch
+):
+    """Criteria to first order about the rough motion, and those of the fits; 100 independent readings."""
+    fitted = []
+
+    def choose(_rough, _independent, _fastest, names):
+        scores = {name: predicted[name] for name in names}
+        best = min(scores, key=scores.get)
+        above = {name: score - scores[best] for name, score in scores.items()}
+        return Choice(best, {}, np.empty(0), above, 0.0, 1, scores[best])
+
+    def fit(_setup, _rough, choice):
+        fitted.append(choice.law)
+        cost = np.exp((actual[choice.law] - np.log(100.0)) / 100.0)
+        return SimpleNamespace(law=choice.law, fit=SimpleNamespace(cost=cost))
+
+    monkeypatch.setattr(method, "choose_law", choose)
+    monkeypatch.setattr(method, "_fit_of", fit)
+    monkeypatch.setattr(method, "_independent", lambda _rough: 100.0)
+    monkeypatch.setattr(method, "DISTINCT", tuple(predicted))
+    rough = SimpleNamespace(law="richest", fit=SimpleNamespace(cost=1.0))
+    assert method._final_fit(SimpleNamespace(fastest=1.0), rough, "auto").law == law
+    assert len(fitted) == fits
 
 
 def test_a_declared_latency_is_simulated():

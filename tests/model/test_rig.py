@@ -259,6 +259,7 @@ BAD = [
     ),
     (NONE + '[log]\ntorque = "tau"', "contradiction", "log.torque", "none"),
     (WHEEL + '[log]\ntorque = "tau"', "contradiction", "log.torque", "direct"),
+    (DIRECT + '[log]\ntorque_gain = "2 V"', "wrong-unit", "log.torque_gain", "expected in N*m"),
     (WHEEL + "[log]\ntorque_gain = 2", "contradiction", "log.torque_gain", "direct"),
     (WHEEL + '[log]\nwheel_angle = "q2"\nwheel_speed = "w2"', "contradiction", "log.wheel_speed", "angle"),
     (WHEEL + '[log]\nwheel_angle = "q1"', "contradiction", "log.angle", "also the column of log.wheel_angle"),
@@ -268,6 +269,23 @@ BAD = [
     (NONE + '[log]\nreference = "q1"', "contradiction", "log.angle", "also the column of log.reference"),
     (WHEEL + "[log]\nwheel_scale = 0", "out-of-range", "log.wheel_scale", "positive"),
 ]
+
+
+@pytest.mark.parametrize(
+    ("axis", "stated", "expected"),
+    [
+        (LINEAR, '"3.336 ± 0.010 N/A"', Quantity(3.336, 0.01)),
+        (LINEAR, '"3.336 N"', Quantity(3.336)),
+        (LINEAR, '{value = 3.336, std = 0.01, unit = "N/V"}', Quantity(3.336, 0.01)),
+        ("", '"93.5 mN*m/A"', Quantity(0.0935)),
+        ("", '"0.1 N*m/mA"', Quantity(100.0)),
+        ("", '"0.1 ± 0.002"', Quantity(0.1, 0.002)),
+    ],
+)
+def test_a_gain_is_a_torque_per_logged_unit(axis: str, stated: str, expected: Quantity) -> None:
+    gain = rig(f"{axis}{DIRECT}[log]\ntorque_gain = {stated}").log.torque_gain
+    assert gain.value == pytest.approx(expected.value)
+    assert (gain.std or 0.0) == pytest.approx(expected.std or 0.0)
 
 
 def test_columns_that_are_not_read_are_free() -> None:

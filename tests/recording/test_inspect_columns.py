@@ -92,6 +92,22 @@ def test_a_speed_is_no_angle_and_a_temperature_no_channel() -> None:
     assert roles.drive == "none"
 
 
+def test_a_supply_is_no_command_beside_a_voltage_of_both_signs() -> None:
+    supply = np.round(7.4 - 0.3 * np.abs(VOLTAGE), 1)
+    roles = roles_of({"t": TIME, "position": ANGLE, "input_volts": supply, "bridge_volts": VOLTAGE})
+    assert roles.column("voltage") == "bridge_volts"
+    assert roles.drive == "motor"
+    assert roles_of({"t": TIME, "position": ANGLE, "volts": 5 + VOLTAGE}).column("voltage") == "volts"
+
+
+@pytest.mark.parametrize(("kind", "status"), [("torque", "ready"), ("volts", "ready"), ("nothing", "unusable")])
+def test_few_turning_points_are_no_fault_where_a_drive_turns_the_axis(kind, status) -> None:
+    turn = 0.5 * TIME**2
+    columns = {"t": TIME, "theta": turn, kind: 0.5 + 0.1 * np.sin(3 * TIME)}
+    verdict = inspect_table(Table(columns, units={})).verdict
+    assert verdict.status == status
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("s", 1.0)])
 def test_unit_of_an_unlabelled_clock_by_its_rate(unit, factor) -> None:
     columns = {"t": TIME * factor, "theta": ANGLE}
@@ -150,12 +166,15 @@ def test_any_table_is_inspected_without_an_error(columns) -> None:
     assert found.summary()
 
 
-@pytest.mark.parametrize("kind", ["reaction-wheel", "direct", "none"])
+@pytest.mark.parametrize("kind", ["reaction-wheel", "direct", "motor", "none"])
 def test_init_from_a_log_writes_a_rig_that_reads_it(tmp_path, kind) -> None:
     columns = {"zeit": TIME, "theta [deg]": np.degrees(ANGLE) + 180.0}
-    columns |= {"reaction-wheel": {"wheel": np.degrees(WHEEL), "u": VOLTAGE}, "direct": {"tau": VOLTAGE}, "none": {}}[
-        kind
-    ]
+    columns |= {
+        "reaction-wheel": {"wheel": np.degrees(WHEEL), "u": VOLTAGE},
+        "direct": {"tau": VOLTAGE},
+        "motor": {"u": VOLTAGE},
+        "none": {},
+    }[kind]
     log = write_columns(tmp_path / "log.csv", columns)
     assert main(["init", "--from", str(log), str(tmp_path / "rig")]) == 0
     path = tmp_path / "rig" / "rig.toml"
@@ -163,6 +182,8 @@ def test_init_from_a_log_writes_a_rig_that_reads_it(tmp_path, kind) -> None:
         with pytest.raises(InputError, check=coded("missing-key", "drive.wheel.inertia")):
             Rig.load(path)
         path.write_text(path.read_text().replace('# inertia = "1134', 'inertia = "1134'))
+    if kind == "motor":
+        path.write_text(path.read_text().replace("# [drive.motor]", "[drive.motor]").replace("# gear_f", "gear_f"))
     rig = Rig.load(path)
     assert rig.drive.kind == kind
     assert rig.axis.gravity_torque == "unknown"  # nothing of another rig passes for known

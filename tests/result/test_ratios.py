@@ -176,6 +176,15 @@ def test_methods_are_compared_by_the_ratio(log):
     assert "verdict: all methods agree" in text
 
 
+def test_where_the_gain_is_sought_it_is_what_to_give_not_the_gravity_torque_that_is_stated(data_dir):
+    text = 'name = "dfki"\n[axis]\ngravity_torque = "2.997 ± 1 %"\n[drive]\nkind = "direct"\n[log]\n'
+    text += 'time = "time"\nangle = "position"\ntorque = "torque"\ntorque_gain = "unknown"\ndrive_held = false\n'
+    rig = sw.Rig.from_text(text)
+    log = sw.Recording.load(data_dir / "dfki_pendulum" / "energy_shaping.csv", rig)
+    (warned,) = (each.message for each in sw.identify(log, rig).warnings if each.code == "gravity-and-inertia")
+    assert warned.endswith("or give log.torque_gain.")
+
+
 @pytest.mark.parametrize("method", ["momentum", "equation-error", "output-error"])
 def test_an_unknown_gain_of_the_torque_is_a_ratio_or_found_by_gravity(driven, method):
     bare = DIRECT.changed({"axis.inertia": None, "axis.friction": None, "log.torque_gain": "unknown"})

@@ -173,11 +173,14 @@ def second_frequency(frequency: float, natural: float) -> float:
     return float(f"{chosen:.2g}")
 
 
-def advice(seen: Identifiability, frequency: float | None = None, natural: float = 0.0) -> str:
-    """How to make the wanted unknown identifiable; frequency: the motion's (rad/s), natural: the free swing's."""
+def advice(seen: Identifiability, frequency: float | None = None, natural: float = 0.0, *, key: str = "") -> str:
+    """How to make the wanted unknown identifiable; frequency: the motion's (rad/s), natural: the free swing's.
+
+    key: of a constant that to state helps, in place of those of the torques that are correlated with the inertia.
+    """
     others = [name for name in seen.together if name in TERMS and TERMS[name].is_conservative]
     if others and "inertia" in seen.together:
-        return advice_on_gravity(frequency, natural, [TERMS[name].key or name for name in others])
+        return advice_on_gravity(frequency, natural, [key] if key else [TERMS[name].key or name for name in others])
     return "record larger or faster swings, or more of them"
 
 
@@ -199,11 +202,11 @@ def advice_on_gravity(
     return f"add a second frequency{such}{more}, or give {' or '.join(keys)}"
 
 
-def require_seen(seen: Identifiability, frequency: float | None = None, natural: float = 0.0) -> None:
-    """Raise NotIdentifiableError where the wanted unknown is not identifiable."""
+def require_seen(seen: Identifiability, frequency: float | None = None, natural: float = 0.0, *, key: str = "") -> None:
+    """Raise NotIdentifiableError, with `advice`, where the wanted unknown is not identifiable."""
     if seen.answerable:
         return
     raise NotIdentifiableError(
         f"{words_of(seen.wanted)} is not identifiable: in this motion {seen.combination({})}; "
-        f"{advice(seen, frequency, natural)}."
+        f"{advice(seen, frequency, natural, key=key)}."
     )

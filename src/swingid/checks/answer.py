@@ -142,14 +142,16 @@ def check_answer(
     inertia, equation = parameters["inertia"], law.equation
     relative = (inertia.standard_uncertainty or np.inf) / max(abs(inertia.value), 1e-300)
     seen, motion = identifiability_of(law), _main_frequency(law, amplitude)
-    require_seen(seen, *motion)
+    # beside a drive of unknown scale a stated torque of the angle is sought too, and sets the scale afterwards
+    key = rig.reference if equation.driven else ""
+    require_seen(seen, *motion, key=key)
     if inertia.value <= 0 or relative > HOPELESS or not np.isfinite(relative):
         raise NotIdentifiableError(_hopeless(inertia, relative, law, motion))
     warnings: list[Message] = []
     notes: list[Message] = []
     scattered = combined([entry for entry in budget if entry.type == "A"], "inertia")
     if len(equation.sought) > 1 and scattered > 0.02 * inertia.value:
-        text = f"{seen.combination(law.values)}; {advice(seen, *motion)}."
+        text = f"{seen.combination(law.values)}; {advice(seen, *motion, key=key)}."
         warnings.append(Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA))
     b = equation.value("gravity_torque")
     if equation.driven and b:

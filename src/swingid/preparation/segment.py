@@ -80,7 +80,11 @@ def of_selected(log: Recording, motion: Motion, channel: str | None) -> Finding 
     text = (
         f"all of the selected part from {start:.4g} to {stop:.4g} s was used; only from {begin:.4g} to {end:.4g} s it "
     )
-    text += "looks like a free decay." if channel is None else "looks steady."
+    text += (
+        "looks like a free decay: select that where more than friction acts in the rest."
+        if channel is None
+        else "looks steady."
+    )
     # behind the last turning point the body rests, which is no other cause
     at_rest = not late and not np.any(motion.turning_times > end)
     return Finding("selected-part", text, "note" if channel is not None or at_rest else "warning")

@@ -7,7 +7,6 @@ a wrong one biases the inertia, which the residuals show. `momentum` needs no la
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -35,6 +34,7 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.gauss_newton import CLOSE, solve, solve_from
 from swingid.result.result import Result
 from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.significance import bayesian, misfit
 
 SHORTEST = 48
 """Rows of the shortest segment."""
@@ -170,20 +170,24 @@ def _first_search(setup: Setup, problem: Problem, unknowns: Unknowns, values: Ar
 def _final_fit(setup: Setup, rough: Searched, law: str) -> Searched:
     """The fit with the given law, or with the law of least Bayesian information criterion.
 
-    The laws are compared to first order about the motion of `RICHEST`. A law that then fits worse than `RICHEST` by
-    that criterion is not near this motion (a peak of friction narrower than the steps of speed), and the next is taken.
+    The laws are compared to first order about the motion of `RICHEST`. A law whose fit is then worse than what the next
+    one promises is not near this motion (a peak of friction narrower than the steps of speed) or needs torques that
+    are negative there: the next is fitted too, and the best fit is taken.
     """
     if rough.law == law:
         return replace(rough, fit=solve_from(rough.fit))
     independent, names = _independent(rough), DISTINCT if law == "auto" else (law,)
-    while True:
+    fitted: list[tuple[float, Searched]] = []
+    while names:
         choice = choose_law(rough, independent, setup.fastest, names)
         searched = _fit_of(setup, rough, choice)
-        fewer = len(rough.unknowns.names) - len(searched.unknowns.names)
-        allowed = math.exp(max(fewer, 0) * math.log(independent) / independent)
+        criterion = bayesian(searched.fit.cost, choice.size, independent) - misfit(rough.fit.cost, independent)
+        fitted.append((criterion, searched))
+        best, searched = min(fitted, key=lambda pair: pair[0])
+        if best <= choice.following:
+            break
         names = tuple(name for name in names if name != choice.law)
-        if searched.fit.cost <= allowed * rough.fit.cost or not names:
-            return searched
+    return searched
 
 
 def _fit_of(setup: Setup, rough: Searched, choice: Choice) -> Searched:

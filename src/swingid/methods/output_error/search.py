@@ -21,7 +21,7 @@ from swingid.model.terms import power_of
 from swingid.numerics.arrays import Array
 from swingid.numerics.gauss_newton import SAME, fit_at, solve, solve_near
 from swingid.numerics.shooting import Fit, Reduced
-from swingid.uncertainty.significance import akaike
+from swingid.uncertainty.significance import akaike, bayesian, misfit
 
 OFF = ((1.6, 3.0), (0.6, 0.3))
 """Factors of inertia and friction of the other starts."""
@@ -167,13 +167,26 @@ def first_states(problem: Problem, unknowns: Unknowns, values: Array, loss: str)
 
 @dataclass(frozen=True)
 class Choice:
-    """A friction law, values of the unknowns and states (k, s) with it, all laws' criteria above its, their spread."""
+    """A friction law, values of the unknowns and states (k, s) with it, all laws' criteria above its, their spread.
+
+    size: number of the law's unknowns. predicted: its criterion to first order, above the misfit of the motion about
+    which it is.
+    """
 
     law: str
     values: dict[str, float]
     states: Array
     candidates: dict[str, float]
     spread: float
+    size: int
+    predicted: float
+
+    @property
+    def following(self) -> float:
+        """The criterion to first order of the law that is the next best; infinite without another."""
+        return self.predicted + min(
+            (score for name, score in self.candidates.items() if name != self.law), default=np.inf
+        )
 
 
 def choose_law(rough: Searched, independent: float, fastest: float, names: tuple[str, ...]) -> Choice:
@@ -203,7 +216,9 @@ def choose_law(rough: Searched, independent: float, fastest: float, names: tuple
     else:
         scores = dict(sorted(choice.scores().items(), key=lambda item: item[1]))
     states = fit.states + reduced.states(np.append(best.values - origin, 0.0))
-    return Choice(law.name, values, states, scores, spread)
+    size, power = len(law.unknowns), float(gram[-1, -1])
+    predicted = bayesian(best.lost, size, independent) - misfit(power, independent)
+    return Choice(law.name, values, states, scores, spread, size, predicted)
 
 
 def _terms(at: dict[str, float]) -> Array:

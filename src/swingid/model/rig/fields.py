@@ -90,10 +90,23 @@ def quantity_or_unknown(
 
 def scale_or_unknown(unit: str) -> PlainValidator:
     """A validator of a positive constant that sets the scale; "unknown" gives an `UnknownScale`."""
-    read = quantity_or_unknown(unit, above=0)
+    return _scale(lambda _raw: (unit, None))
 
+
+def torque_or_unknown() -> PlainValidator:
+    """`scale_or_unknown` of the torque (force) per logged unit: 0.12, "0.12 N*m/A", "0.12 N*m"."""
+
+    def units(raw: object) -> tuple[str, str | None]:
+        per = re.search(r"/\s*m?([AV])\s*$", _unit_of(raw))
+        logged = f"/{per[1]}" if per else ""
+        return (f"N*m{logged}", f"N{logged}") if has_unit(raw) else ("", None)
+
+    return _scale(units)
+
+
+def _scale(units: Callable[[object], tuple[str, str | None]]) -> PlainValidator:
     def found(raw: object, info: ValidationInfo) -> Quantity:
-        value = read(raw, info)
+        value = quantity_or_unknown(*units(raw), above=0)(raw, info)
         return UnknownScale(1.0) if isinstance(value, str) else value
 
     return PlainValidator(found)
@@ -111,17 +124,21 @@ def plain_number(rotary: str, linear: str | None = None, **limits: Unpack[Limits
     return PlainValidator(read)
 
 
-def has_angle_unit(raw: object) -> bool:
-    """Return whether a scale is stated in a unit of angle or length, as "61.3 ± 0.2 deg" and "61.3 deg/V" are."""
+def has_unit(raw: object) -> bool:
+    """Return whether a scale is stated in a unit, as "61.3 ± 0.2 deg", "61.3 deg/V" and "3.3 N/A" are."""
+    return re.search(r"[^\W\d_]|°", _unit_of(raw).replace("ppm", "")) is not None
+
+
+def _unit_of(raw: object) -> str:
+    """The text of a quantity in which its unit is; "" of a number."""
     text = raw if isinstance(raw, str) else raw.get("unit") if isinstance(raw, dict) else None
-    return isinstance(text, str) and re.search(r"[^\W\d_]|°", text.replace("ppm", "")) is not None
+    return text if isinstance(text, str) else ""
 
 
 def per_logged_unit(raw: object, info: ValidationInfo) -> Quantity:
     """A positive scale of a logged angle: a pure number, or an angle (m on a linear axis) per V or per logged unit."""
-    text = raw if isinstance(raw, str) else ""
-    unit = "/V" if re.search(r"/\s*m?V\s*$", text) else ""
-    if has_angle_unit(raw):
+    unit = "/V" if re.search(r"/\s*m?V\s*$", _unit_of(raw)) else ""
+    if has_unit(raw):
         return _within(read_quantity(raw, info, f"rad{unit}", f"m{unit}"), {"above": 0.0})
     return _within(read_quantity(raw, info, ""), {"above": 0.0})
 

@@ -17,14 +17,14 @@ from swingid.model.rig.fields import (
     TermTable,
     choice_or_number,
     given,
-    has_angle_unit,
+    has_unit,
     per_logged_unit,
     plain_number,
     quantity,
     quantity_or_unknown,
     refuse,
-    scale_or_unknown,
     stated,
+    torque_or_unknown,
     two_columns,
     two_columns_or_place,
     unit_of_time,
@@ -260,7 +260,7 @@ class LogConventions(Table):
     voltage_sign: Sign = 1
     voltage_scale: Annotated[Quantity, quantity("V", above=0)] = Quantity(1.0)
     torque: Column = "tau"
-    torque_gain: Annotated[Quantity, scale_or_unknown("")] = Quantity(1.0)
+    torque_gain: Annotated[Quantity, torque_or_unknown()] = Quantity(1.0)
     torque_sign: Sign = 1
     bridge: Column | None = None
     supply: Column | None = None
@@ -293,7 +293,7 @@ class LogConventions(Table):
     @model_validator(mode="before")
     @classmethod
     def _one_unit_of_the_angle(cls, raw: Any) -> Any:
-        if isinstance(raw, dict) and "angle_unit" in raw and has_angle_unit(raw.get("angle_scale")):
+        if isinstance(raw, dict) and "angle_unit" in raw and has_unit(raw.get("angle_scale")):
             refuse("contradiction", "is given beside an angle_scale with a unit of its own; keep one", "angle_unit")
         return raw
 

@@ -204,6 +204,11 @@ def has_size(speed: Array, slope: Array) -> bool:
     return min(abs(gain / usual - 1) for usual in GAINS) < 0.05
 
 
+def changes_sign(values: Array) -> bool:
+    """Return whether there are values on both sides of zero."""
+    return bool(np.nanmin(values) < 0 < np.nanmax(values)) if np.isfinite(values).any() else False
+
+
 def passes(values: Array, low: float, high: float) -> int:
     """How often the values go from below `low` to above `high` or back; 0 where the two are close (less than 4)."""
     side = np.where(values >= high, 1, np.where(values <= low, -1, 0))

@@ -89,6 +89,7 @@ def _drive_lines(roles: Roles) -> list[str]:
             lines.append(_line(f'{key}_unit = "{role.unit}"', "of the wheel"))
         if key == "wheel_angle":
             lines.append(_line("wheel_angle_sign = 1", "inspect --rig tests it against the angle"))
+        if key.startswith("wheel"):
             text = 'to the pendulum, or "absolute": yours to state, for it changes the inertia'
             lines.append(_line('# wheel_angle_is = "relative"', text))
         if key == "voltage" and roles.drive == "motor":
@@ -204,8 +205,14 @@ def _drive(roles: Roles) -> str:
     others = [f'"{kind}" ({what})' for kind, what in KINDS.items() if kind not in (roles.drive, "reaction-wheel")]
     kind = f'kind = "{roles.drive}"'
     text = f"[drive]\n{kind:<38}# or {' or '.join(others)}\n"
-    return text + ("\n" if wheel else f"# {NO_WHEEL}\n\n")
+    text += "" if wheel else f"# {NO_WHEEL}\n"
+    return f"{text}\n{MOTOR if roles.drive == 'motor' else ''}"
 
+
+MOTOR = """# [drive.motor]                       # constants that are not stated are found
+# gear_friction = "unknown"           # friction in proportion to the voltage, as of a gear
+
+"""
 
 NO_WHEEL = "A reaction wheel needs a column of its angle or speed, which this log does not have."
 

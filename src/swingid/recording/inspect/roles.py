@@ -244,7 +244,10 @@ def guess_drive(unassigned: list[Candidate], roles: dict[str, Role]) -> list[Can
         if role == "voltage" and "torque" in roles and not wheel:
             continue
         scored = [(traits.fits(c, role), c) for c in unassigned if not traits.among(c, taken)]
-        score, best = max(scored, key=lambda s: s[0], default=(0.0, None))
+        # of several, one that changes its sign: a supply does not
+        score, best = max(
+            scored, key=lambda s: (s[0] >= 2, traits.changes_sign(s[1].values), s[0]), default=(0.0, None)
+        )
         if best is None or score < 2:
             continue
         if role == "torque" and "wheel_angle" in roles:

@@ -68,19 +68,21 @@ def read_motion(
 ) -> tuple[Swings | None, list[Check]]:
     """The motion of a log and its checks; None where there is none that swings.
 
-    rig: as stated; of one whose body may turn in one direction, that is no fault.
+    rig: as stated. Where a drive or nothing but friction may turn the body in one direction, that is no fault.
     """
     unit = "m" if linear else "rad"
     try:
         motion = find_motion(log.time, log.angle, noise.angle)
         start, stop, note = part_of(log, motion, channel)
     except UnanswerableError as error:
-        if rig is None or error.code != "no-turning-points" or not (channel in TURNING or turns_freely(rig)):
+        turns = channel in TURNING or (rig is not None and turns_freely(rig))
+        if error.code != "no-turning-points" or not turns:
             wheel = ", or give --rig with axis.gravity_torque = 0 for a wheel that runs down"
             add = wheel if rig is None and error.code == "no-turning-points" and channel is None else ""
             return None, [Check("motion", "motion", "fault", f"{error.message.rstrip('.')}{add}.")]
-        text = "the axis turns in one direction: momentum takes windows that need no turning points; log and rig file "
-        return None, [Check("motion", "motion", "note", f"{text}are not compared.")]
+        text = "the axis hardly swings to and fro: momentum takes windows that need no turning points"
+        text += "." if rig is None else "; log and rig file are not compared."
+        return None, [Check("motion", "motion", "note", text)]
     lines = spectrum(log.time, log.angle, start, stop, 1 / (2 * motion.half_period))
     swings = Swings(motion, start, stop, note.message, lines)
     inside = motion.within(start, stop)
@@ -192,9 +194,10 @@ def services(log: Recording, swings: Swings | None, channel: str | None, rig: Ri
 
 def _service(method: Method, log: Recording, swings: Swings | None, channel: str | None, rig: Rig | None) -> Service:
     lacking = _lacking(method, log, channel, rig)
-    turns = rig is not None and (channel in TURNING or turns_freely(rig)) and method.name == DEFAULT
+    turns = (channel in TURNING or (rig is not None and turns_freely(rig))) and method.name == DEFAULT
     if swings is None and turns and not lacking:
-        return Service(method.name, log.duration, "where it turns, from its greatest speed on without a drive")
+        why = "all of it" if channel in TURNING else "where it turns, from its greatest speed on"
+        return Service(method.name, log.duration, why)
     if swings is None or lacking:
         return Service(method.name, 0.0, lacking or "no motion that swings to and fro")
     start, stop = swings.start, swings.stop
@@ -238,7 +241,7 @@ def _lacking(method: Method, log: Recording, channel: str | None, rig: Rig | Non
     if channel == "torque" and log.torque is None:
         return "no torque"
     if channel == "voltage" and method.name != DEFAULT:
-        return "has no motor on the axis"
+        return "does not identify a motor on the axis"
     if method.gravity and rig is not None:
         gravity = rig.axis.gravity_torque
         if isinstance(gravity, str) or gravity.value == 0:

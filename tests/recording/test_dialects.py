@@ -330,6 +330,24 @@ def test_a_line_of_two_words_above_names_with_units_is_no_header() -> None:
     assert found.unreadable_rows == 0
 
 
+@pytest.mark.parametrize(
+    ("header", "mark", "names"),
+    [
+        ("#  Time (S)   angle  volts\n# \n", "  ", ["Time_(S)", "angle", "volts"]),
+        ("# t   theta   u\n", "\t", ["t", "theta", "u"]),
+        ("# t   theta   u\n", ",", ["t", "theta", "u"]),
+        ("% t\tmotor angle\tu\n%-------\n", " ", ["t", "motor_angle", "u"]),
+        ('# t,"angle, rad",u\n# ----\n', ",", ["t", "angle, rad", "u"]),
+        ("# run 7 of the copper ring\n# length = 60 s\n", " ", ["column1", "column2", "column3"]),
+    ],
+)
+def test_a_commented_header_may_be_parted_otherwise_than_its_rows(header, mark, names) -> None:
+    rows = "\n".join(mark.join(f"{x:.4f}" for x in row) for row in zip(LOG.time, LOG.angle, LOG.angle, strict=True))
+    table = read_table(f"# made on Monday\n{header}{rows}\n".encode(), "log.txt")
+    assert list(table.columns) == names
+    np.testing.assert_allclose(table.columns[names[1]], np.round(LOG.angle, 4))
+
+
 def test_lines_that_the_rig_file_skips(tmp_path: Path) -> None:
     rig = sw.Rig.from_text(
         'name = "a"\n[axis]\ngravity_torque = 1\n[drive]\nkind = "none"\n'

@@ -224,27 +224,49 @@ def as_text(content: bytes, name: str) -> bytes:
     return content
 
 
-def _names_columns(line: bytes, rest: bytes) -> bool:
-    """Return whether a comment is the header of the rows below it, as numpy.savetxt and MATLAB users write it."""
+def _header_in(line: bytes, rest: bytes) -> bytes | None:
+    """The header that a comment is of the rows below it, as they are parted; None where it is none.
+
+    As numpy.savetxt and MATLAB users write it. Names may be parted by wider gaps than the rows: "Time (s)   angle".
+    """
     below = find_layout(rest)
     if below is None or below.names or below.header_width != below.width:
-        return False
-    cells = split_cells(line.strip(), below.delimiter)
-    return len(cells) == below.width and not any(is_number(cell, below.decimal) for cell in cells)
+        return None
+    names = line.strip()
+    cells = split_cells(names, below.delimiter)
+    if len(cells) != below.width:
+        wide = re.split(r"\t+| {2,}", names.decode("utf-8", "replace"))
+        names = below.delimiter.join(re.sub(r"\s+", "_", cell).encode() for cell in wide)
+        cells = split_cells(names, below.delimiter)
+    fits = len(cells) == below.width and not any(is_number(cell, below.decimal) for cell in cells)
+    return names + b"\n" if fits else None
 
 
 def split_comments(content: bytes) -> tuple[str, bytes]:
     """The metadata of swingid from the comment lines on top, and what follows them."""
     metadata, mark = "{}", f"# {METADATA_KEY}:".encode()
-    while content.lstrip(b"\r\n").startswith(_COMMENTS):
-        content = content.lstrip(b"\r\n")
-        line, _, rest = content.partition(b"\n")
+    while (content := content.lstrip(b"\r\n")).startswith(_COMMENTS):
+        line, rest = _first_line(content)
         if line.startswith(mark):
             metadata = line[len(mark) :].decode("utf-8", "replace")
-        elif line.startswith((b"#", b"%")) and _names_columns(line[1:], rest):
-            return metadata, content[1:].lstrip(b" \t")  # numpy.savetxt puts the header itself behind the #
+        elif line.startswith((b"#", b"%")) and _WORD.search(line):
+            rows = rest
+            while rows.startswith(_COMMENTS) and not _WORD.search(_first_line(rows)[0]):  # such as a rule of dashes
+                rows = _first_line(rows)[1]
+            header = None if rows.startswith(_COMMENTS) else _header_in(line[1:], rows)
+            if header is not None:
+                return metadata, header + rows
         content = rest
     return metadata, content
+
+
+_WORD = re.compile(rb"[^\W_]")
+
+
+def _first_line(content: bytes) -> tuple[bytes, bytes]:
+    """The first line, and what follows it."""
+    line, _, rest = content.partition(b"\n")
+    return line, rest
 
 
 HEAD = 1 << 20

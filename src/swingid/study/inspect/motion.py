@@ -196,8 +196,8 @@ def _service(method: Method, log: Recording, swings: Swings | None, channel: str
     lacking = _lacking(method, log, channel, rig)
     turns = (channel in TURNING or (rig is not None and turns_freely(rig))) and method.name == DEFAULT
     if swings is None and turns and not lacking:
-        why = "all of it" if channel in TURNING else "where it turns, from its greatest speed on"
-        return Service(method.name, log.duration, why)
+        part = "all of it" if channel in TURNING else "where it turns, from its greatest speed on"
+        return Service(method.name, log.duration, part)
     if swings is None or lacking:
         return Service(method.name, 0.0, lacking or "no motion that swings to and fro")
     start, stop = swings.start, swings.stop

@@ -132,7 +132,12 @@ def test_steps_of_no_encoder_tell_no_unit(size) -> None:
 
 @pytest.mark.parametrize(
     ("values", "unit"),
-    [(np.degrees(ANGLE), "deg"), (ANGLE, "rad"), (np.round(ANGLE * 4096 / 6.2832), "counts")],
+    [
+        (np.degrees(ANGLE), "deg"),
+        (30.0 * np.sign(ANGLE) * np.linspace(0.8, 1.2, TIME.size), "deg"),
+        (ANGLE, "rad"),
+        (np.round(ANGLE * 4096 / 6.2832), "counts"),
+    ],
 )
 def test_unit_of_an_unlabelled_angle_by_its_size(values, unit) -> None:
     assert roles_of({"t": TIME, "theta": values}).found["angle"].unit == unit

@@ -169,7 +169,8 @@ def _angle_unit(column: Column) -> tuple[str, str]:
     if column.kind == "whole numbers" and span > 50:
         return "counts", f"for its values are whole numbers over a range of {span:g}"
     low, high = np.nanquantile(column.values, (0.1, 0.9))
-    if span > 12 and (span > 400 or traits.passes(column.values, float(low), float(high)) >= 3):
+    quarter = float(high - low) / 4
+    if span > 12 and (span > 400 or traits.passes(column.values, float(low) + quarter, float(high) - quarter) >= 3):
         return "deg", f"for it goes to and fro over {span:.3g}, too much for a swing in rad"
     return "rad", f"for it covers {span:.3g}"
 

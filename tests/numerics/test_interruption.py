@@ -270,6 +270,30 @@ def test_an_interruption_in_a_callback_is_not_lost(capsys):
     assert capsys.readouterr().err == NOTHING + "\n"
 
 
+def test_an_error_of_what_lost_an_interruption_in_its_callback_is_no_bug(capsys, monkeypatch):
+    """As the compiler's, whose callback keeps what it has made."""
+
+    class Dropped:
+        def __del__(self):
+            raise KeyboardInterrupt
+
+    def work(**_):
+        Dropped()
+        raise RuntimeError("no compiled object yet")
+
+    WRITTEN.clear()
+    monkeypatch.setattr("swingid.cli.app.app", work)
+    assert main([]) == 130
+    assert capsys.readouterr().err == NOTHING + "\n"
+    time.sleep(0.5)  # what would be sent again changes nothing any more
+
+    def broken(**_):
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr("swingid.cli.app.app", broken)
+    assert main([]) == 70
+
+
 def interrupted_pool(processes: list) -> None:
     """A pool that works for a minute, interrupted at once; its processes go to the list."""
     with worker_pool(2) as pool:

@@ -13,6 +13,10 @@ AGAIN = 0.25
 """Seconds after which Ctrl-C is sent again, later than `failure.QUIET`."""
 
 
+_waiting: list[Timer] = []
+"""What will send Ctrl-C again."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line `arguments` (default: the process's); returns the exit code, raises nothing.
 
@@ -32,6 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return interrupted()
     finally:
         sys.unraisablehook = before
+        while _waiting:
+            _waiting.pop().cancel()
         if arguments is None:  # while Python ends nothing is left to be said
             signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -39,8 +45,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _let_through(lost: sys.UnraisableHookArgs) -> None:
     """Send Ctrl-C again that came where no error can be raised, as in a callback; other errors as Python does."""
     if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
+        from swingid.cli.failure import interruption_lost
+
+        interruption_lost()
         again = Timer(AGAIN, interrupt_main)  # not here, where it would be lost again
         again.daemon = True
         again.start()
+        _waiting.append(again)
     else:
         sys.__unraisablehook__(lost)

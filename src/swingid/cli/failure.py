@@ -45,6 +45,8 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
     if isinstance(error, OSError) and (broken := _broken_output()) is not None:
         say(broken.message)
         return broken.exit_code
+    if _Presses.lost:  # what the callback was called from misses its answer
+        return interrupted()
     path = keep_traceback(error, arguments)
     what = f"{type(error).__name__}" + (f" ({error})" if str(error) else "")
     where = f"please report it with the file {path}" if path else "please report it with the command you gave"
@@ -67,6 +69,7 @@ class _Presses:
 
     raised = -1e9
     decided = False
+    lost = False
 
 
 def _pressed(_number: int, _frame: object) -> None:
@@ -81,7 +84,7 @@ def _pressed(_number: int, _frame: object) -> None:
 @contextmanager
 def attending(*, last: bool) -> Iterator[None]:
     """Within the block Ctrl-C is `_pressed`; after it as before, or ignored where the process ends then (last)."""
-    _Presses.raised, _Presses.decided = -1e9, False
+    _Presses.raised, _Presses.decided, _Presses.lost = -1e9, False, False
     before = signal.getsignal(signal.SIGINT)
     ours = threading.current_thread() is threading.main_thread() and before is signal.default_int_handler
     if ours:
@@ -93,6 +96,11 @@ def attending(*, last: bool) -> Iterator[None]:
             decided()
         elif ours:
             signal.signal(signal.SIGINT, before)
+
+
+def interruption_lost() -> None:
+    """Ctrl-C came in a callback, as of the compiler, whose caller may fail before it is sent again."""
+    _Presses.lost = True
 
 
 def decided() -> None:
@@ -115,7 +123,8 @@ def keeps(what: Callable[[], str]) -> Iterator[None]:
     except KeyboardInterrupt:
         raise  # `interrupted` says it
     except BaseException:
-        _kept.clear()
+        if not _Presses.lost:
+            _kept.clear()
         raise
     else:
         _kept.clear()

@@ -118,15 +118,25 @@ def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
     try:
         yield pool
     except BaseException as error:
-        processes = list((getattr(pool, "_processes", None) or {}).values())
-        for process in processes:
-            process.terminate()
+        end_workers(pool)
         if isinstance(error, BrokenExecutor):
             message = "a worker process was ended, perhaps for want of memory; free some, then start again."
             raise InputError(message, code="lost-workers") from None
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def end_workers(pool: ProcessPoolExecutor) -> None:
+    """End the processes of a pool at once, whatever they do.
+
+    One that ends while it sends a result leaves a part of it in the pipe, and the pool's thread waits for the rest as
+    long as anybody could write it: so the end that this process holds is closed.
+    """
+    for process in list((getattr(pool, "_processes", None) or {}).values()):
+        process.kill()
+    with suppress(AttributeError, OSError):
+        pool._result_queue._writer.close()  # type: ignore[attr-defined]
 
 
 def map_in_processes(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import subprocess
 import time
 
 import pytest
@@ -180,14 +181,25 @@ def test_wrong_fields_and_stop_of_a_rehearsal(tmp_path):
         assert not errors
 
 
+def pause_workers(server: int) -> None:
+    """Pause both processes in which the page computes as soon as they are there, so that no computation ends."""
+    children = ["pgrep", "-P", str(server), "-f", "spawn_main"]
+    until = time.monotonic() + SLOW / 1000
+    while len(workers := subprocess.run(children, capture_output=True).stdout.split()) < 2:
+        assert time.monotonic() < until
+    for worker in workers:
+        os.kill(int(worker), signal.SIGSTOP)
+
+
 @pytest.mark.long
 def test_stop_ends_the_identification_of_a_result(tmp_path):
-    with served("--rig", "paper", "--folder", str(tmp_path)) as (address, _), browser() as chromium:
+    with served("--rig", "paper", "--folder", str(tmp_path)) as (address, server), browser() as chromium:
         page = chromium.new_page()
         page.goto(address)
         ready_to_run(page, 20)
         click(page, "Run")
         page.get_by_text(re.compile("wrote .*mcap")).wait_for(timeout=SLOW)
+        pause_workers(server.pid)
         go_to(page, "Result")
         answers = page.get_by_role("group", name="results side by side")
         answers.get_by_text("…").first.wait_for(timeout=SLOW)

@@ -311,6 +311,38 @@ def test_processes_end_with_their_pool():
     assert not any(process.is_alive() for process in processes)
 
 
+IN_THE_MIDDLE = """
+import multiprocessing, sys, time
+from concurrent.futures import ProcessPoolExecutor
+from swingid.processes import end_workers
+
+class Slow:
+    def __reduce__(self):
+        return time.sleep, (2.0,)  # to read it takes so long
+
+def large():
+    time.sleep(0.5)
+    return bytes(10**7)  # more than a pipe holds
+
+if __name__ == "__main__":
+    pool = ProcessPoolExecutor(2, mp_context=multiprocessing.get_context(sys.argv[1]))
+    list(pool.map(time.sleep, [0.1, 0.1]))
+    results = [pool.submit(Slow), pool.submit(large)]
+    time.sleep(1.5)
+    end_workers(pool)
+    pool.shutdown()
+    print(type(results[1].exception()).__name__)
+"""
+
+
+@pytest.mark.parametrize("start", ["fork", "spawn"])
+def test_processes_that_send_a_result_end_with_their_pool(tmp_path, start):
+    path = tmp_path / "in_the_middle.py"
+    path.write_text(IN_THE_MIDDLE, encoding="utf-8")
+    done = subprocess.run([sys.executable, path, start], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.strip() == "BrokenProcessPool"
+
+
 def test_processes_do_not_get_the_interruption():
     with worker_pool(1) as pool:
         with interruption_waits():

@@ -26,7 +26,7 @@ from swingid.numerics.arrays import Array
 from swingid.pooling.selected import in_parts, releases
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
-from swingid.processes import interruption_waits
+from swingid.processes import end_workers, interruption_waits
 from swingid.recording.formats import read_table
 from swingid.recording.formats.csv import without_lines
 from swingid.recording.inspect import describe, guess_roles
@@ -126,9 +126,8 @@ def _pool() -> ProcessPoolExecutor:
 
 
 def _end(pool: ProcessPoolExecutor) -> None:
-    for worker in list((getattr(pool, "_processes", None) or {}).values()):
-        worker.kill()
-    pool.shutdown()  # which waits for nobody: its thread sees that the workers are gone
+    end_workers(pool)
+    pool.shutdown(wait=False)
 
 
 def _end_with_parent() -> None:

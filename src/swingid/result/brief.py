@@ -15,6 +15,9 @@ from swingid.uncertainty.budget import BudgetEntry, Parameter
 MOST_PARAMETERS, MOST_LOGS, MOST_SHARES, MOST_NOTES = 3, 3, 3, 5
 """Lines for parameters beside the first, for logs and contributions, and names of notes; in all at most 15 lines."""
 
+KEPT = "\N{NO-BREAK SPACE}"
+"""In place of a space at which no line may end, while lines are broken."""
+
 STATUS = {
     "ok": "ok, no check found anything that matters",
     "warning": "warning, check the number for the reasons below",
@@ -96,7 +99,7 @@ def _logs(result: ResultData) -> Iterator[tuple[str, str]]:
             yield Path(name).name, "no number"
             continue
         value = expanded(of_log.main)
-        yield Path(name).name, "  ".join(text for text in (value, off, warnings) if text)
+        yield Path(name).name, "  ".join(text for text in (value, f"{off} from all logs", warnings) if text)
     if len(result.per_log) > MOST_LOGS:
         yield "", f"and {counted(len(result.per_log) - MOST_LOGS, 'more log')}: -v"
 
@@ -158,12 +161,12 @@ def _notes(result: ResultData) -> Iterator[tuple[str, str]]:
 
 
 def _wrapped(text: str, further: str) -> list[str]:
-    """Lines of `text`, with no number parted from its percent sign."""
+    """Lines of `text`, with no number parted from its percent sign, or from a ± before it."""
     lines = textwrap.wrap(
-        text.replace(" %", "\N{NO-BREAK SPACE}%"),
+        text.replace(" %", f"{KEPT}%").replace("± ", f"±{KEPT}"),
         WIDTH,
         subsequent_indent=further,
         break_long_words=False,
         break_on_hyphens=False,
     )
-    return [line.replace("\N{NO-BREAK SPACE}%", " %") for line in lines]
+    return [line.replace(KEPT, " ") for line in lines]

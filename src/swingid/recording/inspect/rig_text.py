@@ -30,7 +30,7 @@ def log_table(roles: Roles) -> str:
     time = roles.found.get("time")
     if time is None:
         each, frames = (30, "frames of the video") if "point_x" in roles.found else (1000, "rows")
-        lines.append(_line(f"# rate = {each}", f"{frames} per second: no column rises as a clock does, so state it"))
+        lines.append(_line(f"# rate = {each}", f"{frames} per second: there is no column of times, so state it"))
     else:
         lines.append(_column("time", time))
         if counts_ticks(time.column):

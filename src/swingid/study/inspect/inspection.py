@@ -297,7 +297,7 @@ def _clock(
     else:
         if rig is not None:
             return None, []  # the check of reading names the missing column
-        text = "no column rises as a clock does"
+        text = "no column of times: none rises from row to row"
         return None, [Check("no-time", "rate", "fault", text, "state [log] rate, rows per second", {"rows": rows})]
     whole = [column for column in columns.values() if len(column.values) == len(stamps)]
     clock = read_clock(stamps, whole)

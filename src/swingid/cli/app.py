@@ -31,14 +31,19 @@ for members in GROUPS.values():
 
 @app.command("help", hidden=True)
 def _help(context: typer.Context, command: Annotated[str | None, typer.Argument()] = None) -> None:
-    """Print the help of all commands, or of one."""
+    """Print the help of all commands, or of one, or what the code of a warning or a note means."""
+    from swingid.result.codes import meaning
+
     root = context.find_root()
     if command is None:
         typer.echo(root.get_help())
         return
     target = root.command.get_command(root, command)  # type: ignore[attr-defined]
+    if target is None and (words := meaning(command)) is not None:
+        typer.echo(words)
+        return
     if target is None:
-        raise UsageError(f"there is no command {command!r}; see swingid --help", code="no-command")
+        raise UsageError(f"there is no command, warning or note {command!r}; see swingid --help", code="no-command")
     typer.echo(target.get_help(target.make_context(command, [], root, resilient_parsing=True)))
 
 

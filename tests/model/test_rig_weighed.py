@@ -57,3 +57,14 @@ def test_what_contradicts_or_is_missing_is_named(text, code, key):
         weighed(text)
     assert raised.value.code == code
     assert key in raised.value.message
+
+
+def test_a_changed_gravity_torque_takes_the_place_of_mass_and_lever():
+    rig = weighed('mass = "107 ± 1 g"\nlever = "23 cm"\nlatitude = "45 deg"\ninertia = 1')
+    other = rig.changed({"axis.gravity_torque": 0.25})
+    assert other.axis.gravity_torque.value == 0.25
+    assert other.axis.mass is other.axis.lever is other.axis.latitude is None
+    assert other.axis.inertia == rig.axis.inertia
+    assert rig.changed({"axis.inertia": 2}).axis.gravity_torque == rig.axis.gravity_torque
+    with pytest.raises(InputError):
+        rig.changed({"axis.gravity_torque": 0.25, "axis.mass": 1})

@@ -87,7 +87,7 @@ class RehearsalPlots:
         self.voltage.append(rows[:, 0], [rows[:, 4]])
         reach, limit = _largest(self.rows[:, 1]), self.angle_limit
         self.angle.entitle(f"On the twin the body reaches {number(reach, 'rad', 2)}; the limit is {limit:g} rad")
-        self.voltage.entitle(_of_limit(self.rows[:, 4], self.voltage_limit))
+        self.voltage.entitle(_of_limit(_largest(self.rows[:, 4]), self.voltage_limit))
 
     def finish(self) -> None:
         """All is said already."""
@@ -111,6 +111,7 @@ class RunPlots:
     def begin(self) -> None:
         """Nothing runs yet."""
         self.count = 0
+        self.off = self.reach = 0.0
         self.said.set_text("")
         self.estimates.set_visibility(False)
         for plot in (self.angle, self.error, self.voltage, self.gain):
@@ -123,11 +124,11 @@ class RunPlots:
         self.error.append(t, [angle - reference])
         self.voltage.append(t, [voltage])
         self.gain.append(t, [gain])
+        self.off, self.reach = max(self.off, _largest(angle - reference)), max(self.reach, _largest(voltage))
         self.count += len(rows)
         if self.count >= RENEWED:
             self.count = 0
-            self.error.entitle(f"The body is {number(_largest(angle - reference), 'rad', 2)} from its reference")
-            self.voltage.entitle(_of_limit(voltage, self.limit))
+            self._entitle()
 
     def estimated(self, estimates: Sequence[Sequence[Any]]) -> None:
         """Draw all estimates so far, as in `runner.Seen`."""
@@ -141,16 +142,21 @@ class RunPlots:
         self.said.set_text(f"after swing {swing}: {plus_minus(value, u, unit)}{share}")
 
     def finish(self) -> None:
-        """The last rows stay in view."""
+        """The last rows stay in view, and the headings are those of all rows."""
+        self._entitle()
+
+    def _entitle(self) -> None:
+        self.error.entitle(f"The body is up to {number(self.off, 'rad', 2)} from its reference")
+        self.voltage.entitle(_of_limit(self.reach, self.limit))
 
 
 def _both(limit: float | None) -> list[float]:
     return [] if limit is None else [limit, -limit]
 
 
-def _of_limit(voltage: Array, limit: float | None) -> str:
+def _of_limit(largest: float, limit: float | None) -> str:
     """The largest voltage against its limit."""
-    reach = f"The voltage reaches {number(_largest(voltage), 'V', 2)}"
+    reach = f"The voltage reaches {number(largest, 'V', 2)}"
     return reach if limit is None else f"{reach} of {limit:g} V"
 
 

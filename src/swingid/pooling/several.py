@@ -121,9 +121,11 @@ def _pooled(
     checked = {name: each for name, each in shared.estimates.items() if shared.pairs is None or name not in PAIR}
     texts = _disagreements(checked, names, common.parameters)
     warnings += [Message("logs-disagree", text) for text in texts]
-    notes = [_pooling_note(pooled["inertia"], names, joint=shared.pairs is not None)]
+    digests = {result.provenance.get("log_sha256") for result in results}
+    alike = "parts" if len(digests) == 1 and all(digests) else "logs"
+    notes = [_pooling_note(pooled["inertia"], names, alike, joint=shared.pairs is not None)]
     if friction == "per-log":
-        notes.append(_friction_note(results, names))
+        notes.append(_friction_note(results, names, alike))
     else:
         notes.append(_shared_friction_note(results, pooled))
     return common, warnings, notes
@@ -265,17 +267,17 @@ def _disagreement(parameter: str, estimates: list[Uncertain], names: Sequence[st
     return f"{listed} {verb} with the other logs in {parameter}; {advice}, or leave {those} out."
 
 
-def _pooling_note(inertia: Pooled, names: Sequence[str], *, joint: bool) -> Message:
-    """How the common inertia was computed, and the scatter of the logs beyond their own uncertainties."""
+def _pooling_note(inertia: Pooled, names: Sequence[str], alike: str, *, joint: bool) -> Message:
+    """How the common inertia was computed, and the scatter of the logs, or parts, beyond their own uncertainties."""
     if joint:
-        text = f"inertia and gravity torque of {len(names)} logs were solved for together, by their covariances"
+        text = f"inertia and gravity torque of {len(names)} {alike} were solved for together, by their covariances"
     else:
         shares = ", ".join(f"{name} {percent(w)}" for name, w in zip(names, inertia.weights, strict=True))
-        text = f"the inertia is the weighted mean of {len(names)} logs ({shares})"
-    scatter = "no scatter between the logs beyond that within them"
+        text = f"the inertia is the weighted mean of {len(names)} {alike} ({shares})"
+    scatter = f"no scatter between the {alike} beyond that within them"
     if inertia.between > 0:
-        scatter = f"scatter between the logs {percent(inertia.between / abs(inertia.estimate.value))}"
-    return Message("several-logs", f"{text}; {scatter}; sources that the logs share do not average out.")
+        scatter = f"scatter between the {alike} {percent(inertia.between / abs(inertia.estimate.value))}"
+    return Message("several-logs", f"{text}; {scatter}; sources that the {alike} share do not average out.")
 
 
 def _shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> Message:
@@ -288,16 +290,16 @@ def _shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> M
     return Message("friction-shared", text + ".")
 
 
-def _friction_note(results: Sequence[Result], names: Sequence[str]) -> Message:
-    """Return whether friction, left to each log, agrees between them."""
+def _friction_note(results: Sequence[Result], names: Sequence[str], alike: str) -> Message:
+    """Return whether friction, left to each log or part, agrees between them."""
     by_name = {name: estimates_of(results, name) for name in given_by_all(results) if name not in PAIR}
     laws = {tuple(name for name in result.parameters if name not in PAIR) for result in results}
     disagreements = _disagreements(by_name, names, results[0].parameters)
     if disagreements:
-        return Message("friction-per-log", f"friction differs between the logs: {' '.join(disagreements)}")
-    text = "friction is each log's own, see per_log"
+        return Message("friction-per-log", f"friction differs between the {alike}: {' '.join(disagreements)}")
+    text = f"friction is of each of the {alike} alone"
     if by_name:
         text += f"; {', '.join(by_name)} agree{'s' if len(by_name) == 1 else ''} within the uncertainties"
     if len(laws) > 1:
-        text += "; the logs chose different friction laws"
+        text += f"; the {alike} chose different friction laws"
     return Message("friction-per-log", text + ".")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -114,7 +115,7 @@ def _identification(result: Result, certificate: Certificate | None, issued: str
     logs = result.provenance.get("logs") or [result.provenance.get("log")]
     named = [str(log) for log in logs if log] if isinstance(logs, list) else []
     digests = result.provenance.get("logs_sha256") or [result.provenance.get("log_sha256")]
-    digests = [str(digest) for digest in digests if digest] if isinstance(digests, list) else []
+    digests = list(dict.fromkeys(str(digest) for digest in digests if digest)) if isinstance(digests, list) else []
     rows += [("log" if len(named) == 1 else "logs", ", ".join(named))] if named else []
     if len(digests) == 1:
         rows.append(("SHA-256 of the log", digests[0]))
@@ -207,6 +208,17 @@ def _answer(result: Result, *, linear: bool) -> dict[str, str]:
     }
 
 
+def _unused(result: Result, first: float, last: float) -> list[tuple[float, float]]:
+    """Parts (s) of a log from `first` to `last` that were not used, or are in none of the parts selected."""
+    if result.details is not None:
+        return result.details.unused(first, last)
+    ends = [
+        first,
+        *(end for part in sorted(result.per_part, key=attrgetter("start")) for end in (part.start, part.stop)),
+    ]
+    return list(zip(ends[::2], [*ends[1::2], last], strict=True)) if result.per_part else []
+
+
 @house_style()
 def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, str]:
     """Inline SVG by name, only of what there is."""
@@ -220,8 +232,7 @@ def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, 
         "convergence": draw_convergence(result),
     }
     if log is not None:
-        unused = details.unused(float(log.time[0]), float(log.time[-1])) if details else []
-        drawn["log"] = draw_log(log, unused, linear=linear)
+        drawn["log"] = draw_log(log, _unused(result, float(log.time[0]), float(log.time[-1])), linear=linear)
     if details is not None:
         drawn["residuals"] = draw_residuals(details, linear=linear)
         drawn["changing"] = draw_changing(details.changing)

@@ -335,6 +335,8 @@ def provenance_table(result: Result) -> Table:
     data = dict(result.provenance)
     versions = data.pop("versions", None)
     data.pop("constants", None)  # they have a table of their own
+    if "logs" in data:
+        data.pop("preparation", None)  # of the first log
     rows = [(key.replace("_", " "), Cell("", value)) for key, value in _flat(data)]
     if isinstance(versions, dict):
         rows.append(("versions", Cell("", ", ".join(f"{name} {value}" for name, value in versions.items()))))

@@ -9,7 +9,17 @@ from pathlib import Path
 
 from swingid.format import interval, number, percent, plus_minus
 from swingid.result.data import ResultData
-from swingid.result.summary import AGREEMENT, WIDTH, counted, log_row, relative, share, sorted_budget, summarise
+from swingid.result.summary import (
+    AGREEMENT,
+    WIDTH,
+    counted,
+    log_row,
+    of_several,
+    relative,
+    share,
+    sorted_budget,
+    summarise,
+)
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 MOST_PARAMETERS, MOST_LOGS, MOST_SHARES, MOST_NOTES = 3, 3, 3, 5
@@ -99,7 +109,7 @@ def _logs(result: ResultData) -> Iterator[tuple[str, str]]:
             yield Path(name).name, "no number"
             continue
         value = expanded(of_log.main)
-        yield Path(name).name, "  ".join(text for text in (value, f"{off} from all logs", warnings) if text)
+        yield Path(name).name, "  ".join(text for text in (value, f"{off} off", warnings) if text)
     if len(result.per_log) > MOST_LOGS:
         yield "", f"and {counted(len(result.per_log) - MOST_LOGS, 'more log')}: -v"
 
@@ -108,7 +118,8 @@ def _origin(result: ResultData) -> str:
     """Which log, which part of it, which rig, which method."""
     known, details = result.provenance, result.details
     logs = known.get("logs")
-    log = f"{len(logs)} logs" if isinstance(logs, list) else Path(str(known.get("log") or "a log made in memory")).name
+    alone = Path(str(known.get("log") or "a log made in memory")).name
+    log = of_several(result) or (f"{len(logs)} logs" if isinstance(logs, list) else alone)
     if details is not None:
         log += f", {details.start:.2f} to {details.stop:.2f} s"
     return "; ".join([log, *([f"rig {known['rig']}"] if known.get("rig") else []), f"method {result.method}"])

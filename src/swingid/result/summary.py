@@ -81,19 +81,20 @@ def _identification(result: ResultData) -> list[str]:
     rows = [
         ("method", result.method),
         ("status", f"{result.status} ({TITLES[result.status]})"),
-        ("log", _log_text(result.provenance)),
+        ("log", _log_text(result)),
         ("rig", _rig_text(result.provenance)),
         ("used", segment_text(result.details) if result.details else None),
     ]
     return [f"    {name:<7} = {value}" for name, value in rows if value]
 
 
-def _log_text(provenance: dict[str, object]) -> str:
+def _log_text(result: ResultData) -> str:
+    provenance = result.provenance
     tare, loaded, logs = (provenance.get(key) for key in ("tare", "loaded", "logs"))
     if isinstance(tare, dict) and isinstance(loaded, dict):
         return f"{loaded.get('result')} less {tare.get('result')}"
     if isinstance(logs, list):
-        return counted(len(logs), "log")
+        return of_several(result) or counted(len(logs), "log")
     path, rows = provenance.get("log"), provenance.get("rows")
     return f"{path or 'made in memory'}" + (f" ({rows} rows)" if rows else "")
 
@@ -297,6 +298,14 @@ def _wrapped(text: str, first: str, rest: str | None = None) -> list[str]:
 def _as_clause(sentence: str) -> str:
     """A sentence to stand after 'because': no line breaks, one full stop."""
     return " ".join(sentence.split()).rstrip(".") + "."
+
+
+def of_several(result: ResultData) -> str:
+    """'3 parts of a.csv' where the result is of several parts of one log; "" where it is not."""
+    logs = result.provenance.get("logs")
+    if not (result.per_part and isinstance(logs, list) and logs):
+        return ""
+    return f"{counted(len(result.per_part), 'part')} of {str(logs[0]).rpartition(' ')[0] or 'a log made in memory'}"
 
 
 def counted(count: int, noun: str) -> str:

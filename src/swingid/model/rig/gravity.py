@@ -62,3 +62,10 @@ def weighed(raw: Mapping[str, object], info: ValidationInfo) -> Mapping[str, obj
     if any(factor.value < 0 for factor in factors.values()) or not math.isfinite(product.value):
         return raw
     return {**raw, "gravity_torque": Quantity.of(product)}
+
+
+def in_place_of_weighing(values: Mapping[str, object]) -> dict[str, object]:
+    """Changes of a rig (see `Rig.changed`), where a gravity torque takes the place of mass, lever and free fall."""
+    if values.get("axis.gravity_torque") is None:
+        return dict(values)
+    return {**{f"axis.{key}": None for key in KEYS}, **values}

@@ -20,6 +20,7 @@ from swingid.model.rig.device import DeviceTable
 from swingid.model.rig.drive import Drive
 from swingid.model.rig.errors import describe
 from swingid.model.rig.fields import Column, Table, refuse, stated
+from swingid.model.rig.gravity import in_place_of_weighing
 from swingid.model.rig.sensors import NONLINEARITY, Sensors
 from swingid.model.rig.tables import Axis, LogConventions
 from swingid.model.terms import MOTOR_KEYS, rig_terms
@@ -151,12 +152,13 @@ class Rig(Table):
     def changed(self, values: Mapping[str, object]) -> Rig:
         """The same rig with other values at dotted keys, checked like a file; None takes a key away.
 
-        `rig.changed({"axis.friction.coulomb": "2 mN*m", "sensors.noise": 1e-3})`. A Quantity is a value too. The
-        `text` of the new rig holds the changes. Raises InputError as `from_text`.
+        `rig.changed({"axis.friction.coulomb": "2 mN*m", "sensors.noise": 1e-3})`. A Quantity is a value too. A gravity
+        torque takes the place of mass and lever. The `text` of the new rig holds the changes. Raises InputError as
+        `from_text`.
         """
         from swingid.model.rig.edit import plain, to_toml, with_values
 
-        document = with_values(_tables(self.text), values)
+        document = with_values(_tables(self.text), in_place_of_weighing(values))
         text = to_toml(document)
         rig = self._validated({"name": self.name, **plain(document)}, self.source, text)
         rig._reference = self._reference

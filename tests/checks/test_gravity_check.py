@@ -9,6 +9,7 @@ import pytest
 
 from long_cases import quick_first
 from swingid.control.references import Multisine, Sine
+from swingid.errors import UnanswerableError
 from swingid.identification import identify
 from twin_logs import INERTIA, given, logged, twin
 
@@ -67,6 +68,21 @@ def test_one_tone_that_tells_no_gravity_gives_no_warning(tmp_path):
     rig = twin("viscous")
     result = identify(logged(rig, tmp_path), RIG.changed({"drive.wheel.inertia": 11.34e-5 * 1.001}))
     assert warning(result) is None
+
+
+@pytest.mark.parametrize("stiffness", [0.02, 0.1, 1.0, 1e23])
+def test_a_spring_that_is_not_there_is_never_ok(tmp_path, stiffness):
+    """At one frequency it acts as gravity does; where it is more than that, gravity would have to be negative."""
+    one_tone = logged(twin("viscous"), tmp_path)
+    stated = RIG.changed({"axis.stiffness": {"value": stiffness, "std": 0.01 * stiffness}})
+    try:
+        result = identify(one_tone, stated)
+    except UnanswerableError as error:
+        assert error.code == "contradiction"
+    else:
+        assert result.status == "warning"
+        low, high = result.inertia.interval95
+        assert low < INERTIA < high
 
 
 @pytest.mark.parametrize(

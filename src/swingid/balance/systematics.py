@@ -157,20 +157,21 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     """Standard uncertainty of a11 where the stated gravity torque contradicts the log (a conflict of prior and data).
 
     Either the stated gravity torque is wrong, or the scale of the drive is, and with it a11 and the fitted gravity
-    torque in one proportion. The dark uncertainty holds the estimates of both cases. u: of the estimate it is added
-    to, if that is smaller than that of `law`.
+    torque in one proportion. The dark uncertainty holds the estimates of both cases. A fitted gravity torque that is
+    negative leaves the first: another stated torque of the angle is too large. u: of the estimate it is added to, if
+    that is smaller than that of `law`.
     """
     stated, u = law.equation.value("gravity_torque"), min(u, law.u)
     if law.equation.seeks("gravity_torque") or not law.equation.driven or signals.linear:
         return 0.0
     free = with_gravity_free(law, rig, signals)
-    if free is None or free.a11 <= 0 or (stated and free.value("gravity_torque") <= 0):
+    if free is None or free.a11 <= 0:
         return 0.0
     mine = {effect.item.source: float(effect.shifts[0]) for effect in law.declared}
     variance = abs(free.u**2 - law.u**2) + mine.pop(GRAVITY, 0.0) ** 2
     variance += sum((float(other.shifts[0]) - mine.get(other.item.source, 0.0)) ** 2 for other in free.declared)
     by_drive = dark_uncertainty(free.a11 - law.a11, variance, u)
-    if not stated:
+    if not stated or free.value("gravity_torque") <= 0:  # of which no scale of the drive makes the one stated
         return by_drive
     k, gravity = free.unknowns.index("gravity_torque"), rig.axis.gravity_torque
     ratio = free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)

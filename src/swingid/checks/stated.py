@@ -22,6 +22,7 @@ from swingid.balance.systematics import gravity_conflict, left_by_place
 from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
+from swingid.model.terms import is_spring, rig_terms
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders
 from swingid.uncertainty.significance import BETTER, CERTAIN, CERTAIN_RATIO, DETECTED
@@ -119,7 +120,7 @@ def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, ri
         off = other[0].value("gravity_torque") - stated.value
         if off * (b - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(other[1], stated.std or 0.0):
             return []
-    if free.a11 <= 0 or (stated.value and b <= 0):
+    if free.a11 <= 0:
         return []
     given = plus_minus(b, spread, equation.torque_unit)
     if not stated.value:
@@ -127,6 +128,14 @@ def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, ri
             f"the balance gives a gravity torque of {given}, but the rig file gives none; with it the inertia is "
             f"{number(free.inertia, equation.unit)}: give "
             'axis.gravity_torque, a number or "unknown", or the spring that acts like it.'
+        )
+        return [Finding(free.a11 - law.a11, text)]
+    if b <= 0:
+        others = [term.term.key for term in rig_terms(rig) if term.value is not None and is_spring(term.term)]
+        text = (
+            f"the balance gives a gravity torque of {given}, which no body has, and with it the inertia "
+            f"{number(free.inertia, equation.unit)}: {' or '.join(others) or 'a torque of the angle that is stated'} "
+            "is too large, or the sign of the drive is wrong; correct it, or state it with its uncertainty."
         )
         return [Finding(free.a11 - law.a11, text)]
     drive = "log.torque_gain" if "torque" in equation.coefficients else "drive.wheel.inertia (with rotor and gear)"

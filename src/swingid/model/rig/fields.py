@@ -50,13 +50,22 @@ def refuse(code: str, problem: str, key: str = "") -> NoReturn:
     raise PydanticCustomError("swingid", "{problem}", {"problem": problem, "slug": code, "key": key})
 
 
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Of any quantity of a rig, in SI units; products of ten of them neither overflow nor vanish."""
+
+
 def read_quantity(raw: object, info: ValidationInfo, rotary: str, linear: str | None = None) -> Quantity:
     """`parse_quantity` with the unit that fits the axis kind in `info.context`."""
     kind = (info.context or {}).get("kind", "rotary")
+    unit = linear if linear is not None and kind == "linear" else rotary
     try:
-        return parse_quantity(raw, linear if linear is not None and kind == "linear" else rotary, "")
+        read = parse_quantity(raw, unit, "")
     except InputError as error:
         refuse(error.code, error.message)
+    for number in (read.value, read.std or 0.0):
+        if number and not SMALLEST <= abs(number) <= LARGEST:
+            refuse("out-of-range", f"is {number:.3g} {unit}".rstrip() + ", which no rig has; check its number and unit")
+    return read
 
 
 class Limits(TypedDict, total=False):

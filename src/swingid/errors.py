@@ -71,3 +71,9 @@ def missing_package(what: str, package: str, extra: str) -> InputError:
     return InputError(
         f"{what} needs the package {package}; run: pip install 'swingid[{extra}]'.", code="missing-package"
     )
+
+
+def require_rig(rig: object) -> None:
+    """Raise UsageError for what is no Rig, such as its name."""
+    if not (hasattr(rig, "axis") and hasattr(rig, "log")):
+        raise UsageError(f"{rig!r} is no Rig; load one with sw.Rig.load(name or path).", code="no-rig")

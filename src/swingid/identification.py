@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError
+from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError, require_rig
 from swingid.methods.table import DEFAULT, Method, method_of
 from swingid.methods.unscaled import in_units_of, unscaled
 from swingid.model.rig import Rig
@@ -115,8 +115,7 @@ def identify(
     given = {name: value for name, value in locals().items() if name not in NO_OPTIONS}
     options = {name: value for name, value in (given | more).items() if value is not None}
     chosen, spans = method_of(method), parts_of(part)
-    if not isinstance(rig, Rig):
-        raise UsageError(f"{rig!r} is no Rig; load one with sw.Rig.load(name or path).", code="no-rig")
+    require_rig(rig)
     if isinstance(log, str | Path):
         raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
     if spans:

@@ -10,7 +10,7 @@ from motor_logs import BLANK, ETA, OFF, PAPER, PRODUCTS, TRUE, clamped, given, m
 from swingid.calibration.motor import calibrate
 from swingid.cli import main
 from swingid.control.references import Sine
-from swingid.errors import InputError, UnanswerableError
+from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
@@ -361,7 +361,7 @@ def test_a_rig_without_wheel_is_refused():
 
 
 def test_no_log_is_refused():
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(UsageError) as caught:
         calibrate([], given(BIT14))
     assert caught.value.code == "no-log"
 

@@ -26,7 +26,7 @@ from closed_form_logs import (
 from refusals import coded
 from swingid.calibration.encoders import calibrate_encoders
 from swingid.control.references import parse_reference
-from swingid.errors import InputError, UnanswerableError
+from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.preparation.encoders import corrected, true_angles
@@ -253,7 +253,7 @@ def test_a_log_that_tells_little_writes_little(tmp_path):
 def test_refusals():
     linear = Rig.from_text('name = "x"\n[axis]\nkind = "linear"\n[drive]\nkind = "none"\n')
     log = wheel_log(exact_rig(), ONE_TONE, friction, TIME)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(UsageError) as caught:
         calibrate_encoders([], exact_rig())
     assert caught.value.code == "no-log"
     with pytest.raises(InputError) as caught:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import shlex
@@ -498,3 +499,12 @@ def test_the_first_lines_work_as_they_are_printed(run: Run, tmp_path: Path, monk
 def test_a_command_with_a_slip_is_named(run: Run) -> None:
     sentence = run("identfy").sentence()
     assert sentence == "swingid: no such command 'identfy'. Did you mean 'identify'? See swingid --help."
+
+
+def test_a_terminal_obeys_no_column_name(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "escapes.csv"
+    rows = "\n".join(f"{0.01 * k:.2f},{math.sin(0.1 * k):.6f}" for k in range(500))
+    path.write_text("t,q1\x1b]0;title\x07\x1b[31m\n" + rows + "\n", encoding="utf-8")
+    shown = run("inspect", path)
+    assert "q1\\x1b]0;title\\x07" in shown.out
+    assert all(character.isprintable() or character == "\n" for character in shown.out + shown.err)

@@ -385,3 +385,12 @@ def test_cells_of_matlab_v73_are_read_and_lead_no_further_than_once(tmp_path):
     table = read_table(_matlab_v73(tmp_path, fill), "log.mat")
     assert set(table.columns) == {"c{1}", "c{2}.x"}
     np.testing.assert_array_equal(table.numbers("c{2}.x")[0], ANGLE)
+
+
+def test_what_is_masked_is_missing():
+    rig = free_rig()
+    masked = np.ma.masked_array(ANGLE, mask=np.arange(len(ANGLE)) % 7 == 3)
+    holed = np.where(masked.mask, np.nan, ANGLE)
+    with_mask = Recording.from_columns({"t": TIME, "q1": masked}, rig)
+    np.testing.assert_array_equal(with_mask.angle, Recording.from_columns({"t": TIME, "q1": holed}, rig).angle)
+    assert len(with_mask) < len(ANGLE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
     from swingid.report.certificate import Certificate
 
 
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""Characters that a terminal obeys, but for the end of a line and the tabulator."""
+
+
 def say(message: str) -> None:
     """One line on standard error, for people."""
     sentence = " ".join(str(message).split())
@@ -27,9 +32,10 @@ def say(message: str) -> None:
 def tell(text: str, *, to_error: bool = False) -> None:
     """Text on standard output, or on standard error where the output belongs to JSON.
 
-    Raises InputError where standard output takes nothing; a broken standard error is passed over.
+    A control character that a file has, as in the name of a column, is shown, for a terminal would obey it. Raises
+    InputError where standard output takes nothing; a broken standard error is passed over.
     """
-    line = text.rstrip("\n") + "\n"
+    line = CONTROL.sub(lambda found: repr(found[0])[1:-1], text.rstrip("\n")) + "\n"
     _close_progress()
     if to_error:
         with suppress(OSError, InputError):  # a broken standard error is no reason to fail

@@ -139,6 +139,9 @@ def logs_by_name(
     Raises UsageError for none, or for one given twice.
     """
     if not isinstance(logs, Mapping):
+        for given in logs:
+            if not isinstance(given, Recording | LargeLog):
+                raise UsageError(f"{given!r} is no log; load it with sw.Recording.load(path, rig).", code="no-log")
         paths = [log.source.path if isinstance(log, Recording) else log.path for log in logs]
         unique = len(set(paths)) == len(paths)
         names = [path if path and unique else f"log {k + 1}" for k, path in enumerate(paths)]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from swingid.errors import InputError, UnanswerableError
+from swingid.errors import InputError, UnanswerableError, require_rig
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import rig_terms
@@ -56,7 +56,8 @@ def refuse_terms(rig: Rig, method: str) -> None:
 
 
 def refuse_motor(rig: Rig, what: str) -> None:
-    """Raise UnanswerableError where a motor is on the axis, for what does not have its terms."""
+    """Raise UnanswerableError where a motor is on the axis, for what has no terms of it; UsageError for no rig."""
+    require_rig(rig)
     if rig.drive.channel == "voltage":
         raise UnanswerableError(
             f"rig {rig.name}: drive.kind is 'motor', a motor on the axis, which {what} does not have; use identify "

@@ -91,7 +91,10 @@ def _rate_as_angle(table: Table, conventions: Conventions, name: str) -> Iterato
         yield Finding("rate-as-angle", text, "warning")
 
 
-OTHERS = ("px", "V", "mV", "A", "mA", "N m", "mN m", "N", "Hz", "m/s^2", "m/s²", "m/s2", "g", "µT", "μT", "uT")
+OTHERS = (
+    *("px", "V", "mV", "A", "mA", "N m", "mN m", "N", "Hz", "m/s^2", "m/s²", "m/s2", "g", "µT", "μT", "uT"),
+    *("kg", "W", "kW", "J", "Pa", "hPa", "K", "°C", "degC", "ohm", "Ω", "dB"),
+)
 """Units of no angle and of no rate."""
 
 LINEAR_RATES = frozenset(("m/s", "mm/s"))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swingid.errors import InputError, UnanswerableError
+from swingid.errors import InputError, UnanswerableError, require_rig
 from swingid.recording.conventions import TURN, Conventions, Reading, gather
 from swingid.recording.findings import OFF, Finding, Kind, Source, notes_of, switched_off
 from swingid.recording.formats import parquet, read_table
@@ -41,6 +41,7 @@ def read_log(
     path: str | Path, rig: Rig, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
 ) -> dict[str, Any]:
     """The fields of the Recording in a file, by name; see `Recording.load`."""
+    require_rig(rig)
     switched_off(repairs)  # raises for a name that is none before anything is read
     content = read_bytes(path)
     name = str(path)
@@ -53,6 +54,7 @@ def contents_of(
     table: Table, rig: Rig, source: Source, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
 ) -> dict[str, Any]:
     """The fields of the Recording in a table of named columns, by name; raises as `Recording.load`."""
+    require_rig(rig)
     name = source.path or "the table"
     table, of_point = with_angle(table, rig, name)
     reading = reading_of(table, table, rig, name, repairs)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swingid.errors import InputError, UnanswerableError
+from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.numerics.arrays import median
 from swingid.recording.findings import Finding, Source
 
@@ -230,3 +231,14 @@ def _frozen(name: str, values: ArrayLike, length: int | None) -> Array:
         raise InputError(f"the recording's {name} has shape {array.shape}; it needs {wanted}.", code="bad-channel")
     array.flags.writeable = False
     return array
+
+
+def listed(logs: Any) -> list[Recording]:
+    """One log or several as a list. Raises UsageError for none, and for what is no log, such as its path."""
+    several = list(logs) if isinstance(logs, Iterable) and not isinstance(logs, str | bytes) else [logs]
+    for log in several:
+        if not isinstance(log, Recording):
+            raise UsageError(f"{log!r} is no log; load it with sw.Recording.load(path, rig).", code="no-log")
+    if not several:
+        raise UsageError("no log was given; give one or more.", code="no-log")
+    return several

@@ -15,7 +15,7 @@ from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references.base import require_axis
 from swingid.control.references.parse import reference_for
-from swingid.errors import UsageError
+from swingid.errors import UsageError, require_rig
 from swingid.model.integrator import Q1, Q2, STATES, STEP_KERNEL, V1, V2, Z
 from swingid.model.motion import ADVANCE_KERNEL, EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
@@ -234,6 +234,7 @@ def simulate_run(*arguments: Any, truth_times: ArrayLike | None = None, **option
 
 def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
     """See `simulate_run`."""
+    require_rig(setup.rig)
     rig, rate, rows = setup.rig, setup.rate, setup.row_count()
     _check_start(setup)
     made = draws.draw(rig, rows, setup.seed, constants_too=setup.draw, encoder_zero=setup.encoder_zero)

@@ -36,7 +36,7 @@ from swingid.uncertainty.budget import BudgetEntry
 from swingid.uncertainty.freedom import COVERAGE
 from swingid.units import Quantity, UnknownScale
 
-FEWEST = 100
+FEWEST, MOST = 100, 1_000_000
 NOISE_DRAWS = 100
 """Draws of the noise alone, by which the scatter beyond it is found, at most."""
 
@@ -167,8 +167,11 @@ def monte_carlo(
     workers: processes, by default one per core; the numbers do not depend on them. progress(done, draws).
 
     Ratios, and the results of logs of rates, stay as they are, with the note "no-draws". Raises UsageError for too few
-    draws, UnanswerableError where hardly any draw has an answer.
+    draws and for too many, UnanswerableError where hardly any draw has an answer.
     """
+    if draws > MOST:
+        text = f"{draws} draws would take months; the ends of a 95 % interval settle by 10 000, so take fewer."
+        raise UsageError(text, code="many-draws")
     if draws < FEWEST:
         raise UsageError(f"{draws} draws are too few for a distribution; take {FEWEST} or more.", code="few-draws")
     if result.ratios or log.angle_speed is not None or log.wheel_speed is not None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.errors import InputError, UnanswerableError, UsageError, require_rig
 from swingid.format import percent
 from swingid.methods.table import METHODS, method_of
 from swingid.model.rig import Rig
@@ -111,6 +111,7 @@ def rehearse(
     UnanswerableError
         No method answers in any run.
     """
+    require_rig(rig)
     if runs < FEWEST_RUNS:
         raise UsageError(f"{runs} runs are too few to expect anything; take {FEWEST_RUNS} or more.", code="few-runs")
     if rig.axis.inertia is None:

@@ -18,7 +18,7 @@ from swingid.balance.level import PARAMETER as RATE_BIAS
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import check_sign
-from swingid.errors import InputError, UnanswerableError
+from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import noise_of, number
 from swingid.methods.output_error.problem import NO_ENTRIES, Input, Problem
 from swingid.methods.output_error.segments import problem_of
@@ -36,7 +36,7 @@ from swingid.preparation.prepared import Part, Prepared, prepare
 from swingid.preparation.scale import refuse_motor
 from swingid.preparation.speed import smooth_speed
 from swingid.progress import tracked
-from swingid.recording.recording import Recording
+from swingid.recording.recording import Recording, listed
 from swingid.result.data import require_scale
 from swingid.result.provenance import constants
 from swingid.result.result import Result
@@ -149,6 +149,8 @@ def validate(
 
     Raises
     ------
+    UsageError
+        No log, no rig, an unknown input.
     InputError
         A refused result, a missing channel or one of the wrong sign.
     UnanswerableError
@@ -163,11 +165,12 @@ def validate(
     >>> found.predictions[0].swing_fit > 99
     True
     """
+    if input not in (None, "voltage", "wheel"):
+        raise UsageError(f"unknown input {input!r}; choose voltage or wheel.", code="unknown-input")
     refuse_motor(rig, "validate")
     p = model_vector(result, rig)
-    given = [logs] if isinstance(logs, Recording) else list(logs)
     several, predicted = [], []
-    for k, log in enumerate(tracked(given)):
+    for k, log in enumerate(tracked(listed(logs))):
         prepared = prepare(with_found_gain(log, result, rig), rig)
         several.append(prepared)
         predicted.append(_of_log(prepared, p, input, prepared.log.source.path or f"log {k + 1}"))

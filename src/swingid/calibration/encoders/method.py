@@ -15,13 +15,13 @@ from swingid.calibration.encoders.estimate import STEPS, STRETCHES, Estimate, es
 from swingid.calibration.encoders.logs import CalibrationLog
 from swingid.calibration.encoders.parts import ANGLE, WHEEL, Part, latency_key, parts_of, stated_latency, uncalibrated
 from swingid.calibration.outcome import quantity, result_of, rewritten
-from swingid.errors import InputError, UnanswerableError
+from swingid.errors import InputError, UnanswerableError, require_rig
 from swingid.format import plus_minus
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import ONE_ENCODER
 from swingid.preparation.push import without_pushes
 from swingid.progress import stepped, stepwise
-from swingid.recording.recording import Recording
+from swingid.recording.recording import Recording, listed
 from swingid.result.provenance import add_findings, exact_in_row_one
 from swingid.result.result import Message, Parameter, Result
 from swingid.uncertainty.budget import Evaluated, Scatter, evaluate, systematic
@@ -66,14 +66,15 @@ def calibrate_encoders(logs: Recording | Sequence[Recording], rig: Rig) -> Encod
 
     Raises
     ------
+    UsageError
+        No log, no rig.
     InputError
-        No log, a linear axis without drive, a channel that is missing, a wrong sign.
+        A linear axis without drive, a channel that is missing, a wrong sign.
     UnanswerableError
         No motion, or logs from which no part is identifiable.
     """
-    several = [without_pushes(log, rig) for log in ([logs] if isinstance(logs, Recording) else logs)]
-    if not several:
-        raise InputError("no log was given; calibrate needs at least one log of a motion.", code="no-log")
+    require_rig(rig)
+    several = [without_pushes(log, rig) for log in listed(logs)]
     plain = uncalibrated(rig)
     parts = parts_of(plain)
     if all(part.nuisance for part in parts):

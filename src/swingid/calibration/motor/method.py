@@ -29,13 +29,13 @@ from swingid.calibration.motor.constants import (
 from swingid.calibration.motor.free_swing import RATIO, free_swing
 from swingid.calibration.motor.output_error import OutputFit, fit_output
 from swingid.calibration.outcome import Found, result_of
-from swingid.errors import InputError
+from swingid.errors import InputError, require_rig
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import stated
 from swingid.preparation.encoders import Correction, Encoders, corrected
 from swingid.progress import stepped, stepwise
 from swingid.recording.findings import Kind
-from swingid.recording.recording import Recording
+from swingid.recording.recording import Recording, listed
 from swingid.result.provenance import add_findings, exact_constants
 from swingid.result.result import Message, Parameter, Result
 
@@ -99,16 +99,17 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
 
     Raises
     ------
+    UsageError
+        No log, no rig.
     InputError
-        A log without voltage, a rig with a direct drive or a motor on the axis, no log at all.
+        A log without voltage, a rig with a direct drive or a motor on the axis.
     UnanswerableError
         Nothing moves, the voltage excites too little to distinguish gain from damping, a wrong sign.
     """
     # a push on the axis does not enter equation (II), so its rows stay in
-    read = [corrected(log, rig) for log in ([logs] if isinstance(logs, Recording) else logs)]
+    require_rig(rig)
+    read = [corrected(log, rig) for log in listed(logs)]
     several = [log for log, _, _ in read]
-    if not several:
-        raise InputError("no log was given; calibrate needs at least one voltage test or free swing.", code="no-log")
     if rig.drive.channel in ("torque", "voltage"):
         more = ", which finds the constants of a motor on the axis beside the inertia" * (
             rig.drive.channel == "voltage"

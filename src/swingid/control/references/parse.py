@@ -62,6 +62,8 @@ def parse_reference(text: str, unit: str = "rad") -> Reference:
     >>> float(motion(0.25).round(3))  # rad
     0.785
     """
+    if not isinstance(text, str):
+        raise UsageError(f'{text!r} is no text of a motion, such as "sine 0.8 rad 8.5 rad/s".', code="bad-reference")
     kind, _, rest = text.strip().partition(" ")
     if kind == "file":
         if not rest.strip():

@@ -121,6 +121,8 @@ def table_of(data: Any) -> Table:
     units: dict[str, str] = {}
     for name, values in data.items():
         array = np.asarray(values)
+        if np.ma.isMaskedArray(values):  # whose mask `asarray` drops
+            array = np.where(np.ma.getmaskarray(values), np.nan, array.astype(np.float64))
         if array.ndim != 1:
             message = f"column {str(name)!r} has {array.ndim} dimensions; a column is one-dimensional"
             raise UsageError(f"{message}.", code="not-a-column")

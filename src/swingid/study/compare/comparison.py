@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from swingid.checks.momentum import overlapping
-from swingid.errors import SwingidError, UnanswerableError, UsageError
+from swingid.errors import SwingidError, UnanswerableError, UsageError, require_rig
 from swingid.format import number, percent
 from swingid.identification import identify
 from swingid.methods.table import DEFAULT, METHODS, forget_momentum, one_momentum
@@ -17,7 +17,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.cache import kept_kernels
 from swingid.pooling.selected import each_part, parts_of
 from swingid.progress import tracked
-from swingid.recording.recording import Recording
+from swingid.recording.recording import Recording, listed
 from swingid.result.brief import value_and_reach
 from swingid.result.result import Message, Result, refusal
 from swingid.result.sources import Identity, value_of
@@ -170,7 +170,7 @@ def compare(
     Raises
     ------
     UsageError
-        An unknown method.
+        An unknown method, no log, no rig.
     UnanswerableError
         Every method refuses every log.
 
@@ -183,7 +183,8 @@ def compare(
     >>> [(trial.method, trial.result.status) for trial in found.trials]
     [('momentum', 'ok'), ('energy', 'ok')]
     """
-    spans, several = parts_of(part), [logs] if isinstance(logs, Recording) else list(logs)
+    require_rig(rig)
+    spans, several = parts_of(part), listed(logs)
     several = each_part(several, spans) if spans else several
     trials: list[Trial] = []
     chosen = dict.fromkeys(methods or METHODS)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from swingid.errors import SwingidError
+from swingid.errors import SwingidError, require_rig
 from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.model.rig.drive import CHANNELS
@@ -154,6 +154,8 @@ def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
     >>> found.verdict.status
     'ready'
     """
+    if rig is not None:
+        require_rig(rig)
     if is_large(path):
         return _of_first_rows(path, rig)
     content = read_bytes(path)

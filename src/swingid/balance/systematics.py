@@ -29,7 +29,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project, superpose, superposed
 from swingid.uncertainty.dark import dark_uncertainty
-from swingid.uncertainty.significance import INDICATED
+from swingid.uncertainty.significance import CERTAIN, INDICATED
 
 SHIFTS = (np.arange(8) / 8 + 0.5) % 1 - 0.5
 """Of the grid in `Signals.grid_errors`, in steps."""
@@ -165,7 +165,7 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     if law.equation.seeks("gravity_torque") or not law.equation.driven or signals.linear:
         return 0.0
     free = with_gravity_free(law, rig, signals)
-    if free is None or free.a11 <= 0:
+    if free is None or free.a11 <= 0 or (stated and leaves_no_inertia(free)):
         return 0.0
     mine = {effect.item.source: float(effect.shifts[0]) for effect in law.declared}
     variance = abs(free.u**2 - law.u**2) + mine.pop(GRAVITY, 0.0) ** 2
@@ -180,6 +180,14 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     by_gravity = free.a11 - law.a11 - law.a11 * (free.value("gravity_torque") / stated - 1.0)
     variance += ratio * (law.a11 / stated) ** 2
     return max(by_drive, dark_uncertainty(by_gravity, variance, u))
+
+
+def leaves_no_inertia(free: WindowFit) -> bool:
+    """Return whether gravity is fitted negative because noise of the regressors attenuates the inertia to nothing.
+
+    So it is at one frequency and a small angle, where the two have one regressor.
+    """
+    return free.value("gravity_torque") <= 0 and free.a11 <= CERTAIN * free.u
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from swingid.balance.errors import bends
 from swingid.balance.fits import LAG, ROUNDING, WindowFit, residuals_beside, with_declared, with_gravity_free
 from swingid.balance.perturbations import BENDS
 from swingid.balance.rows import Signals
-from swingid.balance.systematics import gravity_conflict, left_by_place
+from swingid.balance.systematics import gravity_conflict, leaves_no_inertia, left_by_place
 from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
@@ -120,7 +120,7 @@ def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, ri
         off = other[0].value("gravity_torque") - stated.value
         if off * (b - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(other[1], stated.std or 0.0):
             return []
-    if free.a11 <= 0:
+    if free.a11 <= 0 or (stated.value and leaves_no_inertia(free)):
         return []
     given = plus_minus(b, spread, equation.torque_unit)
     if not stated.value:

@@ -35,7 +35,7 @@ def tell(text: str, *, to_error: bool = False) -> None:
     A control character that a file has, as in the name of a column, is shown, for a terminal would obey it. Raises
     InputError where standard output takes nothing; a broken standard error is passed over.
     """
-    line = CONTROL.sub(lambda found: repr(found[0])[1:-1], text.rstrip("\n")) + "\n"
+    line = CONTROL.sub(lambda match: repr(match[0])[1:-1], text.rstrip("\n")) + "\n"
     _close_progress()
     if to_error:
         with suppress(OSError, InputError):  # a broken standard error is no reason to fail

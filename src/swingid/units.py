@@ -28,12 +28,17 @@ _QUANTITY = re.compile(
     r"(?(open)\))\s*(?P<unit>.*)",
     re.DOTALL,
 )
+_UNIT_FIRST = re.compile(
+    rf"\s*(?P<value>{_NUMBER})\s*(?P<unit>[^\s\d±()+%.-][^±()]*?)\s*(?:±|\+/-|\+-)\s*"
+    rf"(?P<std>{_NUMBER})\s*(?P<again>\S.*?)\s*"
+)
 _TERM = re.compile(rf"\s*(?P<value>{_NUMBER})\s*(?:(?:±|\+/-|\+-)\s*(?P<std>{_NUMBER})\s*(?P<percent>%)?)?\s*")
 _OPERATOR = re.compile(r"[*/]\s*\(?\s*\.?[0-9]|\s[+-]\s|\)\s*[*/^]")
 # Names, whole and half powers, products and quotients: pint would also evaluate 9^9^9^9, so it never sees other text.
 _NAME = r"(?:[A-Za-zµμΩ]+(?: ?(?:\^|\*\*) ?(?:\(?[+-]?(?:[1-9](?:\.5)?|0\.5)\)?|\([+-]?[1-9] ?/ ?2\)))?)"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?\(?{_NAME}(?:(?: ?[*/] ?| )\(?{_NAME}\)?)*\)?")
 _HERTZ = re.compile(r"Hz|hertz")
+_GRAIN = re.compile(r"\bgr\b")  # which nobody means by it
 _NO_FREQUENCY = "is given in {}, but is an angular speed; write rad/s, deg/s or turns/s"
 _LONGEST = 200
 
@@ -74,11 +79,11 @@ def parse_quantity(raw: object, unit: str, key: str) -> Quantity:
     """The SI Quantity that `raw` states, where `unit` is the SI unit expected ("" for a pure number).
 
     `raw` is a number (SI already), text such as "1134 ± 5 g*cm^2" (also "+/-" and "+-", "(1134 ± 5) g*cm^2",
-    and "78e-3 ± 0.5 % N*m", where the uncertainty is relative to the value), a calculation with such numbers, all
-    independent, as "0.107 ± 0.001 kg * 9.81 m/s^2 * 0.23 m" (sums with blanks around + and -), a table
-    {value=, std=, unit=} (std in the same unit), or a Quantity. What follows ± is one standard uncertainty. Pure
-    numbers take "%" as a unit, angles rad, deg (°) and turns. A decimal comma is read ("1,5 g") unless it could part
-    thousands ("1,134 g"), which is refused.
+    "1134 g*cm^2 ± 5 g*cm^2", and "78e-3 ± 0.5 % N*m" or "78e-3 N*m ± 0.5 %", where the uncertainty is relative to the
+    value), a calculation with such numbers, all independent, as "0.107 ± 0.001 kg * 9.81 m/s^2 * 0.23 m" (sums with
+    blanks around + and -), a table {value=, std=, unit=} (std in the same unit), or a Quantity. What follows ± is one
+    standard uncertainty. Pure numbers take "%" as a unit, angles rad, deg (°) and turns. A decimal comma is read
+    ("1,5 g") unless it could part thousands ("1,134 g"), which is refused.
 
     Raises InputError that names `key`, for text that is no quantity, for values that are not finite, negative
     uncertainties, and units that are unknown or of another dimension. With key "" its message is the predicate
@@ -121,8 +126,16 @@ def _with_points(text: str) -> str:
     return _COMMA.sub(r"\1.\2", text)
 
 
+def _with_unit_last(text: str) -> str:
+    """The text "147.6 g ± 0.2 g" or "147.6 g ± 0.1 %" with the unit once, at its end."""
+    match = _UNIT_FIRST.fullmatch(text) if len(text) <= _LONGEST else None
+    if match is None or match["again"] not in (match["unit"], "%"):
+        return text
+    return f"{match['value']} ± {match['std']} {'% ' if match['again'] == '%' else ''}{match['unit']}"
+
+
 def _read(raw: object, unit: str) -> Quantity:
-    raw = _with_points(raw) if isinstance(raw, str) else raw
+    raw = _with_unit_last(_with_points(raw)) if isinstance(raw, str) else raw
     if isinstance(raw, str) and _is_calculation(raw):
         return _Calculation(raw).result(unit)
     if isinstance(raw, Quantity):
@@ -343,6 +356,8 @@ def _factor(given: str, expected: str) -> float:
         calculated = re.search(r"(^|[ +])\d", text) is not None
         more = f"; in a calculation {_ADVICE_OF_CALCULATION}" if calculated else ""
         raise _UnusableError("wrong-unit", f"has the unreadable unit {given[:40]!r}; expected is {expected}{more}")
+    if _GRAIN.search(text):
+        raise _UnusableError("wrong-unit", f"is given in {given[:40]!r}; gr is the grain, so write g for the gram")
     if "rad" in expected and _HERTZ.search(text):
         raise _UnusableError("wrong-unit", _NO_FREQUENCY.format(repr(given)))
     return _ask_pint(text, given, expected)

@@ -116,9 +116,9 @@ def test_sections_are_those_with_data(pages: dict[str, str], name: str) -> None:
 def test_the_answer_comes_first_with_interval_and_status(pages: dict[str, str]) -> None:
     text = Page(pages["clean"]).text.replace("\u00a0", " ")
     head = text[: text.index("Parameters")]
-    assert "J₁ = (3.0228 ± 0.0064) × 10⁻³ kg m²" in head
+    assert "J₁ = (3.023 ± 0.013) × 10⁻³ kg m²" in head
     assert "95 % interval [3.0103, 3.0353] × 10⁻³ kg m²" in head
-    assert "0.21 % of the value" in head
+    assert "standard uncertainty 6.4 × 10⁻⁶ kg m², 0.21 % of the value" in head
     assert "ok: no warnings" in head
 
 

@@ -11,7 +11,7 @@ from nicegui import ui
 
 from swingid.app.analysis import STOPPED, Analyst, answered
 from swingid.app.draft import Draft, case_of, mend_of
-from swingid.app.parts import escaped, html, main_button, more, said
+from swingid.app.parts import escaped, html, main_button, more, on_page, said
 from swingid.app.plot import Line, Plot
 from swingid.errors import SwingidError
 from swingid.format import percent, plus_minus, pretty_unit
@@ -113,9 +113,9 @@ class Answer:
 
     def _card(self, title: str, sentence: str, code: str) -> None:
         """A warning: what, why, what to do, and where a key mends it a button that writes the key."""
-        why, _, remedy = sentence.rpartition("; ")
+        why, _, remedy = on_page(sentence).rpartition("; ")
         if STATES.match(remedy):
-            why, remedy = "", sentence
+            why, remedy = "", on_page(sentence)
         with ui.element("div").classes("swingid-warning").props('role="group" aria-label="warning"'):
             ui.label(title).classes("swingid-strong")
             ui.label(_sentence(why or remedy)).classes("swingid-text")
@@ -140,8 +140,9 @@ class Answer:
                 with ui.row().classes("w-full items-center"):  # on a phone the name stands above its slider
                     ui.label(key).classes("w-full sm:w-64 shrink-0 swingid-mono")
                     slider = ui.slider(min=-WIDEST, max=WIDEST, step=WIDEST / 50, value=0.0)
-                    slider.props(f'label aria-label="relative change of {key}"').classes("flex-1 min-w-32")
+                    slider.props(f'aria-label="relative change of {key}"').classes("flex-1 min-w-32")
                     shown = ui.label("+0.0 %").classes("w-16 shrink-0 text-right")
+                    slider.on_value_change(lambda event, at=shown: at.set_text(f"{100 * event.value:+.1f} %"))
                     slider.on("change", lambda event, key=key, at=shown: self._changed(key, float(event.args), at))
             if not result.sensitivities:
                 ui.label("This result depends on no constant of the rig file.")
@@ -162,7 +163,7 @@ class Answer:
             self.effect.set_text(result.error.message)
             return
         name, now = result.leading, result.main
-        text = f"{name} = {plus_minus(now.value, now.standard_uncertainty, now.unit)}"
+        text = f"{name} = {value_and_reach(now, fine=True)}"
         before = None if self.stated is None else self.stated.parameters.get(name)
         if self.factors and before is not None:
             change = now.value / before.value - 1 if before.value else np.nan
@@ -231,7 +232,7 @@ def shares(result: Result) -> None:
         return
     largest = share(entries[0].standard_uncertainty, result.main)
     first = f"Largest part of the interval: {in_words(entries[0].source)}, {largest}"
-    ui.label(f"{first}. To reduce it: {remedy(entries[0], result.main)}.").classes("swingid-text")
+    ui.label(f"{first}. To reduce it: {on_page(remedy(entries[0], result.main))}.").classes("swingid-text")
     rows = []
     for entry in entries:
         width = 100 * entry.standard_uncertainty / entries[0].standard_uncertainty

@@ -133,6 +133,12 @@ class Draft:
             return "wheel_angle" in self.columns
         return all(self.answers.get(name, (0, {}))[0] == 0 for name in question.after)
 
+    def filled(self) -> int:
+        """How many values were given."""
+        kind = self.rig_kind
+        ways = [self.way(question) for question in (kind.questions if kind else ()) if self.asks(question)]
+        return sum(bool(texts.get(field.key)) for choice, texts in ways for field in choice.fields)
+
     def open_fields(self) -> list[str]:
         """Words of the fields that are still empty."""
         kind = self.rig_kind

@@ -177,7 +177,7 @@ class Guide:
         if self.next is not None:
             self.next.set_enabled(fine)
         self.frame.entitle(self.draft.name if self.draft.base or self.draft.name != "my-rig" else "swingid")
-        count = sum(bool(texts) for _, texts in self.draft.answers.values())
+        count = self.draft.filled()
         self.lines[KNOW] = "as the rig file states" if self.draft.base else f"{count} stated, the rest not known"
         if self.draft.text() != self.known:
             self.known = self.draft.text()

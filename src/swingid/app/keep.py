@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Callable
 
 from nicegui import ui
 
@@ -35,11 +36,16 @@ class Keep:
             plain_button(
                 "Notebook", lambda: ui.download.content(notebook(case, str(self.method.value)), "swingid.ipynb")
             )
-        ui.label("The same in Python").classes("swingid-strong")
-        self.python = html("", "w-full")
-        ui.label("and in a terminal").classes("swingid-strong")
-        self.terminal = html("", "w-full")
+        self.python = self._copied("The same in Python", five_lines)
+        self.terminal = self._copied("and in a terminal", command)
         self._written()
+
+    def _copied(self, title: str, lines: Callable[[Case, str], str]) -> ui.html:
+        """The place for lines that are to be copied, below a title with a button that does."""
+        with ui.row().classes("items-center"):
+            ui.label(title).classes("swingid-strong")
+            plain_button("Copy", lambda: ui.clipboard.write(lines(case_of(self.draft), str(self.method.value))))
+        return html("", "w-full")
 
     def _written(self) -> None:
         """The lines of the method that is chosen."""

@@ -31,7 +31,12 @@ def rig_cards(draft: Draft, first: str, chosen: Callable[[str], Any]) -> None:
             missing = kind.missing(draft.columns)
             wrong = "" if not missing else f"Needs a column of {' or '.join(MISSING[role] for role in missing)}."
             if not wrong and kind.linear != draft.linear:
-                wrong = "Needs a position in m." if kind.linear else "Needs an angle, not a position in m."
+                other = (
+                    "a position: set its unit in Look to m"
+                    if kind.linear
+                    else "an angle: its unit in Look is one of length"
+                )
+                wrong = f"Needs {other}."
             with ui.element("button").classes("swingid-card") as card:
                 card.props(f'type="button" aria-pressed="{"true" if kind.name == draft.kind else "false"}"')
                 if wrong:
@@ -187,7 +192,8 @@ class Know:
         empty = self.draft.open_fields()
         seen = any(field.key == key and texts.get(field.key) for field, texts in fields)
         missing = f"Still to fill in, or “not known”: {', '.join(empty)}." if empty else ""
-        self.rest.set_text(missing or ("" if seen else self.draft.where_to_say(key, sentence)))
+        above = "A field above is not right: "
+        self.rest.set_text(missing or (f"{above}{sentence}" if seen else self.draft.where_to_say(key, sentence)))
         self.rest.classes(replace="swingid-quiet" if missing else "swingid-wrong")
         self.code.set_content(f'<pre class="swingid-code" aria-label="rig.toml">{escaped(self.draft.text())}</pre>')
         self.changed()

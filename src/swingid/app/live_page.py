@@ -69,6 +69,7 @@ class LivePage:
         self.task = self.runner.seen
         self.finished: Seen | None = None
         self.shown = ""
+        self.is_answered = False
         self.open: str = ""
 
     def build(self) -> None:
@@ -128,7 +129,7 @@ class LivePage:
             self.inputs[DURATION] = ui.number("duration, s", value=fields.duration).classes("w-40")
             self.inputs[UNTIL] = ui.number("stop at relative uncertainty, %", value=fields.until).classes("w-60")
         for each in self.inputs.values():
-            each.props("bottom-slots")  # room for what is wrong with a field
+            each.props("outlined dense stack-label bottom-slots")  # room for what is wrong with a field
         ui.label("0 %: run for the whole duration.").classes("text-sm")
 
     def _action(self, kind: Kind, word: str, then: str) -> None:
@@ -259,7 +260,7 @@ class LivePage:
             self._show(kind, is_open or kind == self.task.kind, kind in runner.passed)
         journal = self.task.found.get("journal", "") if self.task.ended else ""
         for name in ("result", "report"):
-            self._show(name, bool(journal or self.shown), False)
+            self._show(name, bool(journal or self.shown), name == "result" and self.is_answered)
         if (wide := self.open in ("result", "report")) != ("wide" in self.beside.classes):
             self.beside.classes(add="wide" if wide else "", remove="" if wide else "wide")
         self.bar.show(self._state_words(), moves=self._may_move(), share=self._share())
@@ -294,7 +295,7 @@ class LivePage:
             line = task.lines[-1].rstrip(".")
             return f"{line[:1].upper()}{line[1:]}."
         if self.shown:
-            return f"{Path(self.shown).name} is recorded. Next: its result."
+            return f"{Path(self.shown).name} is recorded." + ("" if self.is_answered else " Next: its result.")
         if "rehearse" in passed and self.desk.rehearsed == self.fields:
             return "The motion is rehearsed: it stays within the limits. Next: run it."
         if "check" in passed:
@@ -331,6 +332,7 @@ class LivePage:
     async def _show_result(self) -> None:
         """The log that was recorded, as the page on a log shows it."""
         journal = self.shown
+        self.is_answered = False
         draft = Draft.of({Path(journal).name: Path(journal)}, self.plant)
         body = self.steps["result"].body
         body.clear()
@@ -351,11 +353,12 @@ class LivePage:
                 return
             plain_button("Answer again, for these parts", answer.run)
             answer.show()
+            plain_button(f"Next: {self.steps['report'].word}", lambda: self._go_to("report"))
         keep = self.steps["report"].body
         keep.clear()
         with keep:
             Keep(self.desk.analyst, draft).show()
-        await answer.run()
+        self.is_answered = await answer.run() is not None
         await part.inspect()
 
 

@@ -13,6 +13,7 @@ from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.result.plot import BLUE, GREEN, ORANGE
+from swingid.uncertainty.freedom import COVERAGE_FACTOR
 
 WINDOW = 10.0
 """Seconds of a run that stay in view."""
@@ -136,10 +137,11 @@ class RunPlots:
         if known:
             t, value, u = np.array(known).T
             self.estimates.set_visibility(True)
-            self.estimates.show(t, [value, value - 1.96 * u, value + 1.96 * u])
+            self.estimates.show(t, [value, value - COVERAGE_FACTOR * u, value + COVERAGE_FACTOR * u])
         swing, _, value, u, unit = estimates[-1]
-        share = "" if u is None else f", {percent(u / abs(value))}"
-        self.said.set_text(f"after swing {swing}: {plus_minus(value, u, unit)}{share}")
+        reach = None if u is None else COVERAGE_FACTOR * u
+        share = "" if reach is None else f" (95 %, {percent(reach / abs(value))})"
+        self.said.set_text(f"after swing {swing}: {plus_minus(value, reach, unit)}{share}")
 
     def finish(self) -> None:
         """The last rows stay in view, and the headings are those of all rows."""

@@ -215,6 +215,7 @@ class Look:
 
     def _set_unit(self, role: str, unit: str) -> None:
         self.draft.units[role] = unit
+        self.draft.why[role] = "your choice"
         self._fill()
         self.changed()
 

@@ -12,7 +12,7 @@ from nicegui import ui
 from swingid.app.analysis import DIGITS, Analyst, inspected, named, sketched
 from swingid.app.draft import Draft, case_of, mend_of
 from swingid.app.kinds import kind_of
-from swingid.app.parts import choice_button, findings, main_button, more, plain_button, said
+from swingid.app.parts import choice_button, findings, main_button, more, on_page, plain_button, said
 from swingid.app.plot import Line, Plot
 from swingid.app.rig_view import RigView
 from swingid.errors import SwingidError
@@ -106,9 +106,12 @@ class Part:
         """A further part; those that it overlaps are taken into it."""
         start, stop = max(min(start, stop), self.first), min(max(start, stop), self.last)
         if stop <= start:
+            ui.notify(f"the log has rows from {self.first:.4g} to {self.last:.4g} s", type="warning")
             return
         apart = [part for part in self.draft.parts if part[1] < start or part[0] > stop]
         over = [part for part in self.draft.parts if part not in apart]
+        if over:
+            ui.notify("joined with the part that it overlaps")
         joined = min([start, *(a for a, _ in over)]), max([stop, *(b for _, b in over)])
         self._set([*apart, (round(joined[0], DIGITS), round(joined[1], DIGITS))])
 
@@ -137,7 +140,7 @@ class Part:
         with self.checks:
             ui.label(f"{line[:1].upper()}{line[1:]}").classes("swingid-text")
             if verdict["advice"]:
-                advice = verdict["advice"].replace("(--part FROM:TO)", "(drag over it)")
+                advice = on_page(verdict["advice"])
                 ui.label(f"Better: {advice}.").classes("swingid-quiet")
             tried = inspection["changes_tried"]
             wrong = [check for check in inspection["checks"] if check["level"] == "repair"]

@@ -117,6 +117,11 @@ def html(text: str, kind: str = "") -> ui.html:
     return ui.html(text, sanitize=False).classes(kind)
 
 
+def on_page(text: str) -> str:
+    """A sentence with what the page has in the place of options of a command."""
+    return text.replace("--part FROM:TO", "drag over it in Part").replace("--report FILE", "Report, in Keep")
+
+
 def escaped(text: object) -> str:
     """Text for HTML."""
     from html import escape

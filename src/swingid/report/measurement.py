@@ -7,7 +7,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swingid.format import interval
+from swingid.format import interval, number
 from swingid.report import tables
 from swingid.report.budget import budgets
 from swingid.report.certificate import Certificate, stated_rows
@@ -192,19 +192,19 @@ def _named(run: object) -> str:
 def _answer(result: Result, *, linear: bool) -> dict[str, str]:
     inertia = result.main
     word = parameter_word(result.leading, linear=linear)
-    known = inertia.standard_uncertainty is not None
+    u = inertia.standard_uncertainty
     return {
         "words": word.words,
         "symbol": word.symbol,
-        "value": value_text(inertia, fine=True),
-        "expanded": value_and_reach(inertia, fine=True) if inertia.interval95 else "",
+        "value": value_and_reach(inertia, fine=True) if inertia.interval95 else value_text(inertia, fine=True),
+        "standard": number(u, inertia.unit, 2, fine=True) if u is not None else "",
         "factor": f"{inertia.coverage_factor:.2f}" if inertia.coverage_factor else "",
         "freedom": freedom_text(inertia),
         "interval": interval(inertia.interval95, inertia.unit, middle=inertia.value, fine=True)
         if inertia.interval95
         else "",
         "relative": relative(inertia, fine=True),
-        "unknown": "" if known else why_unknown(result, result.leading),
+        "unknown": "" if u is not None else why_unknown(result, result.leading),
     }
 
 

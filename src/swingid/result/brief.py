@@ -145,7 +145,7 @@ def remedy(entry: BudgetEntry, main: Parameter) -> str:
         return f"measure {key or entry.source} again; with half its uncertainty {_halved(entry, main)}"
     if entry.origin.averages_over_logs:
         return f"four times as many swings, in one log or in several: {_halved(entry, main)}"
-    return "more swings do not change the first; look in the report (--report FILE) for where it comes from"
+    return "more swings do not reduce the first contribution; the report (--report FILE) shows where it comes from"
 
 
 def _halved(entry: BudgetEntry, main: Parameter) -> str:

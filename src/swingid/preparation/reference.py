@@ -22,7 +22,8 @@ PER_VOLT = "drive.motor.torque_per_volt"
 REMEDIES = {
     GRAVITY: (
         "weigh the body and measure the distance of its centre of mass from the axis (axis.mass and axis.lever), or "
-        "add a body of known inertia with its centre on the axis and give both results to swingid difference --known"
+        "add a body of known inertia with its centre on the axis and give both results to swingid difference --known; "
+        "of a body on a wire or strings state axis.stiffness or axis.bifilar in the place of the gravity torque"
     ),
     STIFFNESS: (
         "state axis.stiffness, or add a body of known inertia and give both results to swingid difference --known"

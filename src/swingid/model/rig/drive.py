@@ -47,7 +47,7 @@ class Wheel(Table):
     With an unknown inertia what is identified is relative to it.
     """
 
-    inertia: Annotated[Quantity, scale_or_unknown("kg*m^2")]
+    inertia: Annotated[Quantity | UnknownScale, scale_or_unknown("kg*m^2")]
     tilt: Tilt = NOT_LEVEL
 
     @property

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from swingid.model.rig.fields import TermTable
-from swingid.units import shown
+from swingid.units import UnknownScale, shown
 
 
 def describe(error: ValidationError, root: type[BaseModel], what: str = "a rig file") -> tuple[str, str]:
@@ -77,7 +77,7 @@ def _to_add(place: tuple[str, ...], root: type[BaseModel]) -> str:
         return f"add the table [{dotted(place)}]" + (f" with {', '.join(needed)}" if needed else "")
     if get_origin(annotation) is Literal:
         return f"give one of {', '.join(repr(value) for value in get_args(annotation))}"
-    return "add it"
+    return 'add it, or "unknown" for ratios' if UnknownScale in get_args(annotation) else "add it"
 
 
 def _unknown_key(place: tuple[str, ...], root: type[BaseModel], what: str) -> str:

@@ -163,7 +163,7 @@ KINDS = {
     "none": "free decay",
 }
 UNKNOWN_GRAVITY = (
-    'gravity_torque = "unknown"            # or as "78 ± 0.4 mN*m": g times the sum of mass times lever; 0 if balanced'
+    'gravity_torque = "unknown"            # or "78 ± 0.4 mN*m": g times the sum of mass times lever; 0: balanced, on a wire'
 )
 OPEN_CONSTANTS = "# Values behind a # are those of the paper's rig: put yours, and take the # away."
 

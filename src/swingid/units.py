@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import date, time
 from functools import cache, lru_cache
 from tokenize import TokenError
@@ -48,10 +48,14 @@ SHARES = {"%": 0.01, "ppm": 1e-6}
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """An SI value with its standard uncertainty `std`; None: none was stated, the value counts as exact."""
+    """An SI value with its standard uncertainty `std`; None: none was stated, the value counts as exact.
+
+    parts: of what was computed from several stated numbers, how much each contributes to `std`, by its key.
+    """
 
     value: float
     std: float | None = None
+    parts: tuple[tuple[str, float], ...] = field(default=(), compare=False, repr=False)
 
     def __float__(self) -> float:
         return self.value
@@ -62,7 +66,8 @@ class Quantity:
     @classmethod
     def of(cls, uncertain: Uncertain) -> Quantity:
         """What was computed from stated numbers; exact where none of them had an uncertainty."""
-        return cls(uncertain.value, uncertain.u if uncertain.shifts else None)
+        parts = tuple((key, abs(shift)) for key, shift in uncertain.shifts.items())
+        return cls(uncertain.value, uncertain.u if uncertain.shifts else None, parts if len(parts) > 1 else ())
 
     def uncertain(self, key: str) -> Uncertain:
         """The value with its source, whose name and identity is the key, where an uncertainty was stated."""
@@ -156,7 +161,7 @@ def _read(raw: object, unit: str) -> Quantity:
     value, std = value * factor, None if std is None else std * factor
     if not math.isfinite(value) or (std is not None and not math.isfinite(std)):
         raise _UnusableError("not-finite", f"must be finite in {unit or 'its unit'}, not {shown(raw)}")
-    return Quantity(value, std)
+    return Quantity(value, std, raw.parts if isinstance(raw, Quantity) else ())
 
 
 def _is_calculation(text: str) -> bool:

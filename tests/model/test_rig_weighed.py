@@ -22,6 +22,7 @@ def test_the_gravity_torque_is_the_product_with_its_uncertainty(lever):
     b = weighed(f'mass = "107 ± 1 g"\n{lever} = "23 ± 0.1 cm"\ng = "9.81 m/s^2"').axis.gravity_torque
     assert b.value == pytest.approx(0.107 * 0.23 * 9.81)
     assert b.std == pytest.approx(b.value * math.hypot(1 / 107, 0.1 / 23))
+    assert dict(b.parts) == pytest.approx({"axis.mass": b.value / 107, f"axis.{lever}": b.value * 0.1 / 23})
 
 
 def test_free_fall_is_taken_for_anywhere_unless_the_place_is_stated():

@@ -232,7 +232,7 @@ def shares(result: Result) -> None:
         return
     largest = share(entries[0].standard_uncertainty, result.main)
     first = f"Largest part of the interval: {in_words(entries[0].source)}, {largest}"
-    ui.label(f"{first}. To reduce it: {on_page(remedy(entries[0], result.main))}.").classes("swingid-text")
+    ui.label(f"{first}. To reduce it: {on_page(remedy(entries[0], result))}.").classes("swingid-text")
     rows = []
     for entry in entries:
         width = 100 * entry.standard_uncertainty / entries[0].standard_uncertainty

@@ -133,26 +133,41 @@ def _shares(result: ResultData) -> Iterator[tuple[str, str]]:
     main = result.parameters[result.leading]
     for k, entry in enumerate(entries[:MOST_SHARES]):
         yield "budget" if k == 0 else "", f"{share(entry.standard_uncertainty, main)}  {entry.source}"
-    yield "to reduce", remedy(entries[0], main)
+    yield "to reduce", remedy(entries[0], result)
 
 
-def remedy(entry: BudgetEntry, main: Parameter) -> str:
+def remedy(entry: BudgetEntry, result: ResultData) -> str:
     """What makes a contribution smaller, and where that is known the 95 % interval with half of it."""
-    key = entry.shared_id or ""
+    key, main = entry.shared_id or "", result.main
     if key.startswith("sensors") or ".sensors" in key:
         return f"calibrate the encoders (swingid calibrate --encoders LOG); with half of it {_halved(entry, main)}"
     if entry.type == "B":
-        return f"measure {key or entry.source} again; with half its uncertainty {_halved(entry, main)}"
+        part, share_of_it = _largest_part(key, result)
+        if part.endswith(".g"):
+            return (
+                f"state {part.removesuffix('g')}latitude; with half the uncertainty {_halved(entry, main, share_of_it)}"
+            )
+        return f"measure {part or entry.source} again; with half its uncertainty {_halved(entry, main, share_of_it)}"
     if entry.origin.averages_over_logs:
         return f"four times as many swings, in one log or in several: {_halved(entry, main)}"
     return "more swings do not reduce the first contribution; the report (--report FILE) shows where it comes from"
 
 
-def _halved(entry: BudgetEntry, main: Parameter) -> str:
-    """The expanded uncertainty where one contribution were half as large, with the coverage factor as it is."""
+def _largest_part(key: str, result: ResultData) -> tuple[str, float]:
+    """Of the numbers that a constant is computed from the one that matters most, and its share of the variance."""
+    made_of = result.provenance.get("made_of")
+    parts = made_of.get(key) if isinstance(made_of, dict) else None
+    if not parts:
+        return key, 1.0
+    part = max(parts, key=lambda name: parts[name])
+    return part, parts[part] ** 2 / sum(size**2 for size in parts.values())
+
+
+def _halved(entry: BudgetEntry, main: Parameter, share_of_it: float = 1.0) -> str:
+    """The expanded uncertainty with a share of one contribution half as large, and the coverage factor as it is."""
     if main.standard_uncertainty is None or main.coverage_factor is None:
         return "the interval is still unknown"
-    remaining = main.standard_uncertainty**2 - 0.75 * entry.standard_uncertainty**2
+    remaining = main.standard_uncertainty**2 - 0.75 * share_of_it * entry.standard_uncertainty**2
     reach = main.coverage_factor * sqrt(max(remaining, 0.0))
     now = main.coverage_factor * main.standard_uncertainty
     before, after = (percent(u / abs(main.value)) if main.value else number(u, main.unit, 2) for u in (now, reach))

@@ -42,6 +42,7 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
             if finding.repair is not None
         ],
         "constants": constants(rig),
+        **made_of(rig),
         "versions": versions(),
     }
 
@@ -61,6 +62,19 @@ def of_rig(rig: Rig) -> dict[str, object]:
 
 def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
     """Value and standard uncertainty (None: exact) of every constant that results of one rig have in common."""
+    return {key: {"value": q.value, "std": q.std} for key, q in _constants(rig).items()}
+
+
+def made_of(rig: Rig) -> dict[str, dict[str, dict[str, float]]]:
+    """Of constants that the rig file states by others, as a torque by mass and lever, what each contributes to it.
+
+    Under the key "made_of", which is not there where there are none.
+    """
+    parts = {key: dict(q.parts) for key, q in _constants(rig).items() if q.parts}
+    return {"made_of": parts} if parts else {}
+
+
+def _constants(rig: Rig) -> dict[str, Quantity]:
     by_key: dict[str, object] = {"axis.gravity_torque": rig.axis.gravity_torque}
     for term in rig_terms(rig):
         by_key |= {term.term.key: term.value} | ({term.term.shift: term.shift} if term.shift.std else {})
@@ -73,8 +87,7 @@ def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
         by_key["log.torque_gain"] = rig.log.torque_gain
     scales = ("angle_scale", "angle_offset", "angle_speed_scale", "wheel_scale", "voltage_scale")
     by_key |= {f"log.{key}": getattr(rig.log, key) for key in scales if stated(rig.log, key)}
-    known = {key: q for key, q in by_key.items() if isinstance(q, Quantity) and not isinstance(q, UnknownScale)}
-    return {key: {"value": q.value, "std": q.std} for key, q in known.items()}
+    return {key: q for key, q in by_key.items() if isinstance(q, Quantity) and not isinstance(q, UnknownScale)}
 
 
 def add_findings(

@@ -58,7 +58,7 @@ def weighed(raw: Mapping[str, object], info: ValidationInfo) -> Mapping[str, obj
     factors.setdefault("g", UNKNOWN_PLACE)
     product = Uncertain(1.0)
     for key, factor in factors.items():
-        product *= factor.uncertain(key)
+        product *= factor.uncertain(f"axis.{key}")
     if any(factor.value < 0 for factor in factors.values()) or not math.isfinite(product.value):
         return raw
     return {**raw, "gravity_torque": Quantity.of(product)}

@@ -43,6 +43,7 @@ class Suspension(Table):
 class _Strings(Table):
     """What bifilar and trifilar have in common: mass of all that hangs, length of a string or height h, place."""
 
+    lower_key: ClassVar[str]
     upper_key: ClassVar[str]
     mass: Annotated[Quantity | Literal["unknown"], PlainValidator(quantity_or_unknown("kg", above=0))]
     length: Length | None = None
@@ -92,11 +93,13 @@ class _Strings(Table):
             refuse("out-of-range", f"is {given.value:g} m, too short for these distances", key)
         fields: dict[str, Any] = {"shape": shape, "height": h, "stiffness": "unknown"}
         if isinstance(self.mass, Quantity):
-            r = lower.uncertain("lower")
-            above = r if same else upper.uncertain("upper")
-            long = given.uncertain(key)
+            table = f"axis.{type(self).__name__.lower()}"
+            r = lower.uncertain(f"{table}.{self.lower_key}")
+            above = r if same else upper.uncertain(f"{table}.{self.upper_key}")
+            long = given.uncertain(f"{table}.{key}")
             high = long if self.height else (long**2 - (above - r) ** 2) ** 0.5
-            kappa = self.mass.uncertain("mass") * self.free_fall.uncertain("g") * above * r / high
+            weight = self.mass.uncertain(f"{table}.mass") * self.free_fall.uncertain(f"{table}.g")
+            kappa = weight * above * r / high
             fields["stiffness"] = Quantity.of(kappa)
         return fields
 
@@ -106,6 +109,7 @@ class Bifilar(_Strings):
 
     distance: Length
     upper_distance: Length | None = None
+    lower_key: ClassVar[str] = "distance"
     upper_key: ClassVar[str] = "upper_distance"
 
     @property
@@ -119,6 +123,7 @@ class Trifilar(_Strings):
 
     radius: Length
     upper_radius: Length | None = None
+    lower_key: ClassVar[str] = "radius"
     upper_key: ClassVar[str] = "upper_radius"
 
     @property

@@ -162,9 +162,7 @@ KINDS = {
     "motor": "a motor on the axis, its voltage known",
     "none": "free decay",
 }
-UNKNOWN_GRAVITY = (
-    'gravity_torque = "unknown"            # or "78 ± 0.4 mN*m": g times the sum of mass times lever; 0: balanced, on a wire'
-)
+UNKNOWN_GRAVITY = 'gravity_torque = "unknown"            # or "78 ± 0.4 mN*m": g, mass, lever; 0: balanced, on a wire'
 OPEN_CONSTANTS = "# Values behind a # are those of the paper's rig: put yours, and take the # away."
 
 

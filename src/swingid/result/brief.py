@@ -154,7 +154,7 @@ def remedy(entry: BudgetEntry, result: ResultData) -> str:
 
 
 def _largest_part(key: str, result: ResultData) -> tuple[str, float]:
-    """Of the numbers that a constant is computed from the one that matters most, and its share of the variance."""
+    """The most important of the numbers that a constant is computed from, and its share of the variance."""
     made_of = result.provenance.get("made_of")
     parts = made_of.get(key) if isinstance(made_of, dict) else None
     if not parts:

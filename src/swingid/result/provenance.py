@@ -66,7 +66,7 @@ def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
 
 
 def made_of(rig: Rig) -> dict[str, dict[str, dict[str, float]]]:
-    """Of constants that the rig file states by others, as a torque by mass and lever, what each contributes to it.
+    """The contributions to constants that the rig file states by others, as a torque by mass and lever.
 
     Under the key "made_of", which is not there where there are none.
     """

@@ -98,8 +98,8 @@ def printed_fit(rows: PassRows, equation: Equation) -> tuple[PassFit, Array]:
             "let one end of each pass be near a turning point and the other half-way.",
             code="singular-passes",
         )
-    of_inertia = 2 * difference / denominator[:, None]
-    of_viscous = total / (rows.blocks(rows["viscous"]) @ total)[:, None]
+    of_inertia = 2 * difference / denominator[:, None]  # (6)
+    of_viscous = total / (rows.blocks(rows["viscous"]) @ total)[:, None]  # (7)
     pairs = len(known)
     each = np.stack([(of_inertia * known).sum(axis=1), (of_viscous * known).sum(axis=1)])
     values, influence = each.mean(axis=1), np.stack([of_inertia.ravel(), of_viscous.ravel()]) / pairs

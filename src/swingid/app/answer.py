@@ -16,6 +16,7 @@ from swingid.app.plot import Line, Plot
 from swingid.errors import SwingidError
 from swingid.format import percent, plus_minus, pretty_unit
 from swingid.methods.table import DEFAULT, METHODS
+from swingid.report.tables import swings_off
 from swingid.report.words import RIG as RIG_WORDS
 from swingid.report.words import parameter_word
 from swingid.result.brief import coverage, remedy, value_and_reach
@@ -199,6 +200,7 @@ def swings_picture(result: Result) -> None:
     swings = None if result.details is None else result.details.swings
     if swings is None or len(swings.times) < 2:
         return
+    off = swings_off(result)
     good = np.isfinite(swings.values)
     times, values, sides = swings.times[good], swings.values[good], swings.sides[good]
     middle = np.median(values)
@@ -213,6 +215,8 @@ def swings_picture(result: Result) -> None:
         title = (
             f"{len(values)} swings do not give the same {words}: it scatters by {percent(np.std(values) / abs(middle))}"
         )
+    elif off:
+        title = f"{int(near.sum())} swings agree to {percent(spread / abs(middle))}, but not with the answer"
     elif not near.all():
         title += f"; {int((~near).sum())} far off are not drawn"
     unit = pretty_unit(main.unit)
@@ -220,6 +224,8 @@ def swings_picture(result: Result) -> None:
     plot = Plot(title, lines, height=240, band=band)
     upper, lower = near & (sides > 0), near & (sides < 0)
     plot.show_each([(times[upper], values[upper]), (times[lower], values[lower])])
+    if off:
+        ui.label(off).classes("swingid-text")
     if band is not None:
         text = "Dots: swings about upper and lower turning points. Line and band: the answer, its 95 % interval."
         ui.label(text).classes("swingid-quiet")
@@ -329,6 +335,7 @@ def row(cells: str) -> str:
 
 
 def _sentence(text: str) -> str:
-    """Return the text with a capital letter and a full stop."""
+    """Return the text with a full stop, and a capital letter where it does not begin with a key of the rig file."""
     text = text.strip()
-    return f"{text[:1].upper()}{text[1:]}" + ("" if text.endswith((".", "!", "?")) else ".")
+    begin = text if re.match(r"\w+\.\w", text) else f"{text[:1].upper()}{text[1:]}"
+    return begin + ("" if text.endswith((".", "!", "?")) else ".")

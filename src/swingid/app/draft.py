@@ -114,6 +114,8 @@ class Draft:
     @property
     def linear(self) -> bool:
         """Return whether the motion is a length."""
+        if self.base and self.rig_kind is not None:
+            return self.rig_kind.linear
         units = [self.units.get(role, "") for role in ("angle", "angle_speed") if role in self.columns]
         return any(unit.removesuffix("/s") in ("m", "mm") for unit in units)
 

@@ -154,3 +154,11 @@ def test_a_motion_that_runs_away_is_named() -> None:
     with pytest.raises(UsageError) as caught:
         simulate(direct_rig(), drive=np.full(201, 1e307), duration=2, rate=100)
     assert caught.value.code == "runs-away"
+
+
+@pytest.mark.parametrize("key", ["axis.stiffness", "axis.gravity_torque"])
+def test_a_body_too_stiff_for_its_rows_is_refused(key: str) -> None:
+    """Not a second is spent on a row in which it swings a billion times."""
+    with pytest.raises(UsageError) as caught:
+        simulate(Rig.load("paper").changed({key: 1e23}), duration=1.0, initial_angle=1.0)
+    assert caught.value.code == "too-stiff"

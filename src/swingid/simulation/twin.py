@@ -20,11 +20,13 @@ from swingid.model.integrator import Q1, Q2, STATES, STEP_KERNEL, V1, V2, Z
 from swingid.model.motion import ADVANCE_KERNEL, EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
 from swingid.model.sticking import BEGIN_KERNEL
+from swingid.model.terms import is_spring, rig_terms
 from swingid.progress import watched
 from swingid.recording.recording import Recording
 from swingid.simulation import draws
 from swingid.simulation.loop import BACKSTEPPING, COMPENSATOR, OPEN_LOOP, closed_loop
 from swingid.simulation.rates import with_rates
+from swingid.units import Quantity
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -232,6 +234,10 @@ def simulate_run(*arguments: Any, truth_times: ArrayLike | None = None, **option
     return run_of(Setup(*arguments, **options), truth_times)
 
 
+FASTEST = 1e4
+"""Natural frequency (rad per row) beyond which nothing is simulated: the integrator takes some ten steps per radian."""
+
+
 def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
     """See `simulate_run`."""
     require_rig(setup.rig)
@@ -299,6 +305,20 @@ def _check_start(setup: Setup) -> None:
     seed = setup.seed
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise UsageError(f"seed must be a whole number that is not negative, and is {seed}", code="bad-seed")
+    _check_stiffness(setup.rig, setup.rate)
+
+
+def _check_stiffness(rig: Rig, rate: float) -> None:
+    """Raise UsageError where the body swings so often from row to row that a single row takes seconds."""
+    if rig.axis.inertia is None:
+        return
+    values = [rig.axis.gravity_torque, *(term.value for term in rig_terms(rig) if is_spring(term.term))]
+    stiffness = sum(value.value for value in values if isinstance(value, Quantity))
+    natural = math.sqrt(stiffness / rig.axis.inertia.value)
+    if natural > FASTEST * rate:
+        text = f"the body of rig {rig.name} would swing {natural / (2 * math.pi * rate):.2g} times from row to row; "
+        text += "check axis.inertia, axis.gravity_torque and axis.stiffness, or take a higher rate"
+        raise UsageError(text, code="too-stiff")
 
 
 def _per_row(name: str, values: ArrayLike, count: int, rows: int) -> Array:

@@ -28,9 +28,9 @@ _QUANTITY = re.compile(
     r"(?(open)\))\s*(?P<unit>.*)",
     re.DOTALL,
 )
-_UNIT_FIRST = re.compile(
-    rf"\s*(?P<value>{_NUMBER})\s*(?P<unit>[^\s\d±()+%.-][^±()]*?)\s*(?:±|\+/-|\+-)\s*"
-    rf"(?P<std>{_NUMBER})\s*(?P<again>\S.*?)\s*"
+_UNIT_FIRST = re.compile(  # numbers are atomic: "e-5" is no unit
+    rf"\s*(?P<value>(?>{_NUMBER}))\s*(?P<unit>[^\s\d±()+%.-][^±()]*?)\s*(?:±|\+/-|\+-)\s*"
+    rf"(?P<std>(?>{_NUMBER}))\s*(?P<again>\S.*?)\s*"
 )
 _TERM = re.compile(rf"\s*(?P<value>{_NUMBER})\s*(?:(?:±|\+/-|\+-)\s*(?P<std>{_NUMBER})\s*(?P<percent>%)?)?\s*")
 _OPERATOR = re.compile(r"[*/]\s*\(?\s*\.?[0-9]|\s[+-]\s|\)\s*[*/^]")

@@ -30,6 +30,8 @@ finite = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e200, max_
         ({"value": 1134, "std": 5, "unit": "g*cm^2"}, "kg*m^2", 1134e-7, 5e-7),
         ("1134 g*cm^2 ± 5 g*cm^2", "kg*m^2", 1134e-7, 5e-7),
         ("78e-3 N m ± 0.5 %", "N*m", 0.078, 0.00039),
+        ("302.2e-5 ± 5e-5", "kg*m^2", 302.2e-5, 5e-5),
+        ("302.2e-5 ± 5e-5 g*cm^2", "kg*m^2", 302.2e-12, 5e-12),
         ("90° +/- 1 °", "rad", math.pi / 2, math.pi / 180),
         ({"value": 4.4}, "", 4.4, None),
         (Quantity(3.0, 0.1), "s", 3.0, 0.1),

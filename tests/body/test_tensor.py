@@ -701,5 +701,5 @@ def test_numbers_that_no_body_has_are_refused_with_their_key(key):
     for k in range(6):
         text += f'[[axis]]\nname = "{k}"\ndirection = [{k}, 1, 2]\ntilt = "0.1 deg"\n'
         text += f'inertia = "{values["inertia"]}"\ndistance = "{values["distance"]}"\n'
-    with pytest.raises(InputError, match=rf"{key} contains 1e[-+]\d+ in SI units, which no body has"):
+    with pytest.raises(InputError, match=rf"{key} contains 1e[-+]\d+ in SI units, which nothing has"):
         axes_from_text(text)

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, PlainValidator, ValidationError, mod
 
 from swingid.errors import InputError
 from swingid.model.rig.errors import describe
-from swingid.model.rig.fields import Column, Table, given, quantity, refuse
+from swingid.model.rig.fields import Column, Table, given, measurable, quantity, refuse
 from swingid.numerics.arrays import Array
 from swingid.system import read_input
 from swingid.units import Quantity, parse_quantity, shown
@@ -24,17 +24,6 @@ STEEPEST = math.radians(10)
 
 LARGEST = 10_000_000
 """Bytes beyond which no file of axes is read."""
-
-
-EXTREME = 1e30
-"""SI values of a body lie between its inverse and this; beyond, a power of ten is wrong and squares overflow."""
-
-
-def _measurable(quantity: Quantity | None) -> Quantity | None:
-    for number in () if quantity is None else (quantity.value, quantity.std or 0.0):
-        if number and not 1 / EXTREME <= abs(number) <= EXTREME:
-            refuse("out-of-range", f"contains {number:.3g} in SI units, which no body has; check its power of ten")
-    return quantity
 
 
 def _vector(raw: object) -> tuple[float, float, float]:
@@ -61,7 +50,7 @@ def _place(raw: object) -> tuple[Quantity, Quantity, Quantity]:
     except InputError as error:
         refuse(error.code, error.message)
     for part in (x, y, z):
-        _measurable(part)
+        measurable(part)
     return x, y, z
 
 
@@ -101,7 +90,7 @@ def _quantity(raw: object, unit: str) -> Quantity:
         quantity = parse_quantity(raw, unit, "")
     except InputError as error:
         refuse(error.code, error.message)
-    _measurable(quantity)
+    measurable(quantity)
     return quantity
 
 
@@ -125,7 +114,7 @@ class EveryAxis(Table):
     tilt: Annotated[float | None, PlainValidator(_tilt)] = None
     mounting: Column | None = None
     fixture: Annotated[Quantity | str | None, PlainValidator(_fixture)] = None
-    distance: Annotated[Quantity | None, quantity("m", least=0.0), AfterValidator(_measurable)] = None
+    distance: Annotated[Quantity | None, quantity("m", least=0.0)] = None
     point: Place | None = None
     gravity_torque: Annotated[Quantity | str | None, PlainValidator(_torque)] = None
 
@@ -144,9 +133,7 @@ class AxisTable(EveryAxis):
     name: Column | None = None
     direction: Vector
     result: Column | None = None
-    inertia: Annotated[
-        Quantity | None, quantity("kg*m^2", above=0.0), AfterValidator(_known), AfterValidator(_measurable)
-    ] = None
+    inertia: Annotated[Quantity | None, quantity("kg*m^2", above=0.0), AfterValidator(_known)] = None
 
     @model_validator(mode="after")
     def _one_inertia(self) -> Self:
@@ -159,9 +146,9 @@ class Body(Table):
     """[body]: its mass (kg), its centre of mass in the body frame (m), the local gravity (m/s²)."""
 
     name: Column | None = None
-    mass: Annotated[Quantity | None, quantity("kg", above=0.0), AfterValidator(_measurable)] = None
+    mass: Annotated[Quantity | None, quantity("kg", above=0.0)] = None
     centre_of_mass: Place | None = None
-    gravity: Annotated[Quantity | None, quantity("m/s^2", above=0.0), AfterValidator(_measurable)] = None
+    gravity: Annotated[Quantity | None, quantity("m/s^2", above=0.0)] = None
 
 
 class Mounting(Table):

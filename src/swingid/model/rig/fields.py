@@ -50,8 +50,16 @@ def refuse(code: str, problem: str, key: str = "") -> NoReturn:
     raise PydanticCustomError("swingid", "{problem}", {"problem": problem, "slug": code, "key": key})
 
 
-SMALLEST, LARGEST = 1e-30, 1e30
-"""Of any quantity of a rig, in SI units; products of ten of them neither overflow nor vanish."""
+EXTREME = 1e30
+"""SI values lie between its inverse and this; beyond, a power of ten is wrong, and products overflow or vanish."""
+
+
+def measurable(quantity: Quantity) -> Quantity:
+    """The quantity; refused where its number is one that nothing measured has."""
+    for number in (quantity.value, quantity.std or 0.0):
+        if number and not 1 / EXTREME <= abs(number) <= EXTREME:
+            refuse("out-of-range", f"contains {number:.3g} in SI units, which nothing has; check its power of ten")
+    return quantity
 
 
 def read_quantity(raw: object, info: ValidationInfo, rotary: str, linear: str | None = None) -> Quantity:
@@ -59,13 +67,9 @@ def read_quantity(raw: object, info: ValidationInfo, rotary: str, linear: str | 
     kind = (info.context or {}).get("kind", "rotary")
     unit = linear if linear is not None and kind == "linear" else rotary
     try:
-        read = parse_quantity(raw, unit, "")
+        return measurable(parse_quantity(raw, unit, ""))
     except InputError as error:
         refuse(error.code, error.message)
-    for number in (read.value, read.std or 0.0):
-        if number and not SMALLEST <= abs(number) <= LARGEST:
-            refuse("out-of-range", f"is {number:.3g} {unit}".rstrip() + ", which no rig has; check its number and unit")
-    return read
 
 
 class Limits(TypedDict, total=False):

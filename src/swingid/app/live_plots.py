@@ -141,7 +141,7 @@ class RunPlots:
         swing, _, value, u, unit = estimates[-1]
         reach = None if u is None else COVERAGE_FACTOR * u
         share = "" if reach is None else f" (95 %, {percent(reach / abs(value))})"
-        self.said.set_text(f"after swing {swing}: {plus_minus(value, reach, unit)}{share}")
+        self.said.set_text(f"after swing {swing}: {plus_minus(value, reach, unit, fine=True)}{share}")
 
     def finish(self) -> None:
         """The last rows stay in view, and the headings are those of all rows."""

@@ -33,7 +33,7 @@ def design(
         str | None, typer.Option(help='Inertia to expect, such as "3e-3 kg*m^2"; default: axis.inertia of RIG.')
     ] = None,
     gravity_torque: Annotated[
-        str | None, typer.Option(help='Gravity torque to expect, such as "78 mN*m", where RIG says "unknown".')
+        str | None, typer.Option(help='Gravity torque to expect, such as "78 mN*m", in place of that of RIG.')
     ] = None,
     rate: Rate = 1000.0,
     settling: Annotated[float, typer.Option(help="Time the controller takes to reach its motion, s.")] = 6.0,

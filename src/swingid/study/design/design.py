@@ -26,6 +26,9 @@ LONGEST = 60.0
 SETTLING = 6.0
 """Time the controller is given before its motion counts, s (the paper's gains take 4 to 6 s)."""
 
+FEWEST_ROWS = 100
+"""Rows of a whole motion below which nothing is planned."""
+
 LOOK = 10.0
 """Used time at which candidates are first compared, s."""
 
@@ -279,6 +282,9 @@ def required(
     for name, value in (("duration", duration), ("rate", rate)):
         if not 0 < value < math.inf:
             raise UsageError(f"{name} must be a positive number, and is {value}.", code="out-of-range")
+    if rate * duration < FEWEST_ROWS:
+        text = f"rate is {rate:g} rows per second, which is {rate * duration:.2g} rows in {duration:g} s; take more."
+        raise UsageError(text, code="out-of-range")
     if not 0 <= settling < math.inf:
         raise UsageError(f"settling must be zero or positive, and is {settling}.", code="out-of-range")
     if duration < settling + 3:

@@ -394,3 +394,24 @@ def test_what_is_masked_is_missing():
     with_mask = Recording.from_columns({"t": TIME, "q1": masked}, rig)
     np.testing.assert_array_equal(with_mask.angle, Recording.from_columns({"t": TIME, "q1": holed}, rig).angle)
     assert len(with_mask) < len(ANGLE)
+
+
+@pytest.mark.parametrize("place", ["first", "last"])
+def test_a_quote_that_is_not_closed_loses_no_rows_in_silence(tmp_path, place):
+    rows = [f"{t:.3f},{q:.6f}" for t, q in zip(TIME, ANGLE, strict=True)]
+    middle = len(rows) // 2
+    t, q = rows[middle].split(",")
+    rows[middle] = f'"{t},{q}' if place == "first" else f'{t},"{q}'
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["t,q1", *rows]))
+    with pytest.raises(InputError, check=coded("open-quote", t)):
+        Recording.load(path, free_rig())
+
+
+def test_a_minus_sign_of_typesetting_is_a_minus(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,q1\n" + "\n".join(f"{t!r},{q!r}" for t, q in zip(TIME.tolist(), ANGLE.tolist(), strict=True)))
+    plain = Recording.load(path, free_rig())
+    path.write_text(path.read_text().replace(",-", ",\u2212"), encoding="utf-8")
+    assert "\u2212" in path.read_text(encoding="utf-8")
+    np.testing.assert_array_equal(Recording.load(path, free_rig()).angle, plain.angle)

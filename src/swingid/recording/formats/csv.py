@@ -106,6 +106,7 @@ def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") 
     except pa.ArrowException:
         message = f"{name} is not a table: its lines do not split into the columns that its header names."
         raise InputError(message, code="not-a-table") from None
+    _require_closed_quotes(rows, table.num_rows + len(ragged), name)
     return table_from_arrow(table, name, raw_metadata, len(ragged), layout.units, layout.decimal)
 
 
@@ -120,6 +121,20 @@ def _splitting(layout: Layout) -> tuple[Any, list[int | None]]:
         return "skip"
 
     return pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out), ragged
+
+
+MOST_IN_A_CELL = 10
+"""Lines that a quoted cell may hold, as a remark does."""
+
+
+def _require_closed_quotes(rows: bytes, read: int, name: str) -> None:
+    """Raise InputError where a quote that is never closed has made one cell of many of the rows."""
+    if rows.count(b'"') % 2 == 0 or rows.count(b"\n") - read <= MOST_IN_A_CELL:
+        return
+    begin = rows.rfind(b"\n", 0, rows.rfind(b'"')) + 1
+    shown = rows[begin:].split(b"\n", 1)[0][:40].decode("utf-8", "replace").strip()
+    message = f'{name}: a quote (") is opened and not closed, perhaps in the row {shown} …'
+    raise InputError(f"{message}, so the rows below it would be lost; remove it.", code="open-quote")
 
 
 def _parted(rows: bytes, layout: Layout) -> bytes:
@@ -164,6 +179,7 @@ def read_numbers(rows: bytes, layout: Layout, name: str, columns: list[str]) -> 
         return None
     if table.num_rows == 0:
         return None
+    _require_closed_quotes(rows, table.num_rows + len(ragged), name)
     return table_from_arrow(table, name, "{}", len(ragged), decimal=layout.decimal)
 
 
@@ -200,7 +216,7 @@ def without_lines(content: bytes, skip_rows: int, comment: str | None, name: str
 
 
 def as_text(content: bytes, name: str) -> bytes:
-    """The content as UTF-8 without a byte order mark; InputError when it is no text."""
+    """The content as UTF-8 without a byte order mark, with plain signs; InputError when it is no text."""
     start = content[:64].lstrip()
     for magic, kind in _OTHER_KINDS.items():
         if start.startswith(magic):
@@ -208,7 +224,7 @@ def as_text(content: bytes, name: str) -> bytes:
             raise InputError(f"{name} is not a table but {kind}; {instead}.", code="not-a-table")
     try:
         if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-            return content.decode("utf-16").encode()
+            return _plain_minus(content.decode("utf-16").encode())
         if content.startswith(b"\xef\xbb\xbf"):
             content = content[3:]
         if b"\0" in content:
@@ -221,7 +237,12 @@ def as_text(content: bytes, name: str) -> bytes:
             return content.decode("latin-1").encode()  # such as a degree sign in a header, from an old logger
         message = f"{name} is not a table but binary data; export the log as CSV or Parquet."
         raise InputError(message, code="not-a-table") from None
-    return content
+    return _plain_minus(content)
+
+
+def _plain_minus(text: bytes) -> bytes:
+    """UTF-8 with a hyphen where a number has the minus sign of typesetting, as spreadsheets of some countries write."""
+    return text if text.isascii() else re.sub("\u2212(?=[0-9.,])".encode(), b"-", text)
 
 
 def _header_in(line: bytes, rest: bytes) -> bytes | None:
@@ -350,4 +371,4 @@ def _utf8(lines: bytes) -> bytes:
         lines.decode("utf-8")
     except UnicodeDecodeError:
         return lines.decode("latin-1").encode()
-    return lines
+    return _plain_minus(lines)

@@ -187,7 +187,7 @@ def looked(path: str, skip: int = 0) -> dict[str, Any]:
 
 
 def _returns(values: Array, role: str) -> bool:
-    """Return whether an angle goes to and fro, or a rate changes its sign."""
+    """Return whether an angle goes back and forth, or a rate changes its sign."""
     good = values[np.isfinite(values)]
     if len(good) < 3:
         return True

@@ -96,13 +96,13 @@ def _encoder(name: str, table: str, words: str, unknown: Way) -> Question:
     return Question(
         name,
         words,
-        "On its label or in its data sheet. Lines of an incremental encoder count fourfold: 600 are 2400 per turn.",
+        "On its label or in its data sheet. An incremental encoder of 600 lines has 2400 counts per turn.",
         (
             unknown,
-            Way("by its type", (Field(kind, "encoder", options=fixed),)),
+            Way("by its name", (Field(kind, "encoder", options=fixed),)),
             Way("kind and counts", (Field(kind, "kind", options=others), Field(steps, "counts per turn", "2400"))),
-            Way("kind alone", (Field(kind, "kind", options=others),), cost="Its steps are estimated from the log."),
-            Way("ideal", values={kind: "ideal"}, cost="As of a simulation: its bending is not in the interval."),
+            Way("kind only", (Field(kind, "kind", options=others),), cost="Its steps are estimated from the log."),
+            Way("ideal", values={kind: "ideal"}, cost="As in a simulation: no error within a turn is in the interval."),
         ),
     )
 
@@ -144,7 +144,7 @@ ENCODER = _encoder(
     "encoder",
     "sensors",
     "Encoder of the body",
-    Way("not known", cost="Its steps are estimated from the log; its bending counts as that of an unknown kind."),
+    Way("not known", cost="Its steps are estimated from the log; its error within a turn counts as that of any kind."),
 )
 WHEEL_ENCODER = _encoder(
     "wheel-encoder", "sensors.wheel", "Encoder of the wheel",
@@ -234,7 +234,7 @@ KINDS = (
          (("angle", "angle_speed"), ("voltage",))),
     Kind("flywheel", "A flywheel that runs down", "Balanced; spun up and let go.", ("flywheel", 0, 1), "none",
          (ENCODER,), fixed={"axis.gravity_torque": 0}),
-    Kind("cart", "A carriage on a rail", "A known force moves it to and fro.", ("cart", 0, 1), "direct", (
+    Kind("cart", "A carriage on a rail", "A known force moves it back and forth.", ("cart", 0, 1), "direct", (
         _value("gain", "Force per unit of its column", "1 where the column is in N.", "log.torque_gain",
                "20.0 ± 0.1", "The answer is this gain over the mass."), _held("force")),
          (("angle", "angle_speed"), ("torque",)), linear=True),
@@ -248,7 +248,7 @@ def kind_of(name: str) -> Kind:
 
 
 def likely(columns: Mapping[str, str], *, linear: bool, returns: bool = True) -> str:
-    """The name of the kind that the channels suggest; returns: whether the motion goes to and fro."""
+    """The name of the kind that the channels suggest; returns: whether the motion goes back and forth."""
     if linear:
         return "cart"
     if columns.get("wheel_angle") or columns.get("wheel_speed"):

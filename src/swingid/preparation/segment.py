@@ -46,7 +46,7 @@ def _require_turns(motion: Motion, channel: str | None, start: float, stop: floa
         other = ", or identify one in one direction with the method momentum" if channel == "torque" else ""
         raise UnanswerableError(
             f"the angle shows {count} turning point{'' if count == 1 else 's'} from {start:.6g} to {stop:.6g} s, "
-            f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro{other}.",
+            f"at least {FEWEST_TURNS} are needed; record a motion that swings back and forth{other}.",
             code="no-turning-points",
         )
 

@@ -355,6 +355,6 @@ def _refuse_impossible_swings(angle: Array, rig: Rig, column: str) -> None:
     side = np.where(angle > high - (high - low) / 4, 1, np.where(angle < low + (high - low) / 4, -1, 0))
     passes = np.count_nonzero(np.diff(side[side != 0]))
     if passes >= TO_AND_FRO:
-        message = f"{column} swings to and fro over {turns:.3g} turns, which gravity does not allow"
+        message = f"{column} swings back and forth over {turns:.3g} turns, which gravity does not allow"
         fix = 'set [log] angle_unit = "deg" if it is in degrees, or check [log] angle'
         raise InputError(f"{message}; {fix}.", code="implausible-angle")

@@ -284,7 +284,7 @@ class Triangle:
 
     @property
     def period(self) -> float:
-        """Time (s) of one to and fro."""
+        """Time (s) of one stroke and its return."""
         return 2.0 * math.pi / self.frequency
 
     @property

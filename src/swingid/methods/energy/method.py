@@ -175,7 +175,7 @@ def _passes(part: Part, depths: Array) -> Passes:
     passes = mirrored_passes(part.motion, depths, part.log.time, part.longest_gap)
     if len(passes.turning) < FEWEST_BLOCKS:
         raise UnanswerableError(
-            f"the log contains {len(passes.turning)} turning points with a whole pass before and after, at least "
+            f"a whole pass stands before and after {len(passes.turning)} of the turning points, and at least "
             f"{FEWEST_BLOCKS} are needed; record more swings.",
             code="too-short",
         )

@@ -53,7 +53,7 @@ def equation_error(
     signals = Signals.of(part.log, rig, part.motion, part.encoders)
     on_grid = OnGrid.of(signals, equation, part.noise, part.longest_gap)
     if len(part.motion.turning_times) < 2:
-        message = "the used part of the log contains no whole swing; record a longer motion to and fro."
+        message = "the used part of the log contains no whole swing; record a longer motion back and forth."
         raise UnanswerableError(message, code="no-turning-points")
     span = float(part.log.time[0]), float(part.log.time[-1])
     cut = choose_cutoff(part.motion.speed, *span, part.noise, cutoff)

@@ -171,7 +171,7 @@ def _angle_unit(column: Column) -> tuple[str, str]:
     low, high = np.nanquantile(column.values, (0.1, 0.9))
     quarter = float(high - low) / 4
     if span > 12 and (span > 400 or traits.passes(column.values, float(low) + quarter, float(high) - quarter) >= 3):
-        return "deg", f"for it goes to and fro over {span:.3g}, too much for a swing in rad"
+        return "deg", f"for it goes back and forth over {span:.3g}, too much for a swing in rad"
     return "rad", f"for it covers {span:.3g}"
 
 

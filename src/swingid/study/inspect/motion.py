@@ -80,7 +80,7 @@ def read_motion(
             wheel = ", or give --rig with axis.gravity_torque = 0 for a wheel that runs down"
             add = wheel if rig is None and error.code == "no-turning-points" and channel is None else ""
             return None, [Check("motion", "motion", "fault", f"{error.message.rstrip('.')}{add}.")]
-        text = "the axis hardly swings to and fro: momentum takes windows that need no turning points"
+        text = "the axis hardly swings back and forth: momentum takes windows that need no turning points"
         text += "." if rig is None else "; log and rig file are not compared."
         return None, [Check("motion", "motion", "note", text)]
     lines = spectrum(log.time, log.angle, start, stop, 1 / (2 * motion.half_period))
@@ -199,7 +199,7 @@ def _service(method: Method, log: Recording, swings: Swings | None, channel: str
         part = "all of it" if channel in TURNING else "where it turns, from its greatest speed on"
         return Service(method.name, log.duration, part)
     if swings is None or lacking:
-        return Service(method.name, 0.0, lacking or "no motion that swings to and fro")
+        return Service(method.name, 0.0, lacking or "no motion that swings back and forth")
     start, stop = swings.start, swings.stop
     why = []
     first, last = float(log.time[0]), float(log.time[-1])

@@ -60,7 +60,7 @@ class Clock:
     """The time column in s. step: mean of the usual rising steps. jitter: robust standard deviation of the steps, s.
 
     gaps: number of steps beyond 1.5 usual ones; longest: the longest step; lost: rows that would fill the gaps.
-    edges: whether a column counts by one from row to row, back and forth: a row per edge of an encoder, where a long step
+    edges: whether a column counts by one from row to row: a row per edge of an encoder, where a long step
     is a slow motion and no row is lost. repeated: rows with the time of the row before, copies of them alike in every
     column; backwards: steps back.
     stamps (n,): time of each row, s.

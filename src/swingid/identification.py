@@ -15,7 +15,7 @@ from swingid.pooling.selected import Log, Logs, Span, decays_of, in_parts, of_re
 from swingid.preparation.reference import GAIN, WHEEL, Reference, reference_of, turns_freely
 from swingid.preparation.scale import refuse_motor
 from swingid.recording.large import LargeLog
-from swingid.recording.recording import Finding, Recording
+from swingid.recording.recording import Finding, Recording, no_log
 from swingid.result.result import Result, refusal
 from swingid.units import Quantity, parse_quantity
 
@@ -117,7 +117,7 @@ def identify(
     chosen, spans = method_of(method), parts_of(part)
     require_rig(rig)
     if isinstance(log, str | Path):
-        raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
+        raise no_log(log)
     if spans:
         return _of_parts(log, rig, chosen, spans, options)
     swings = releases(log, rig) if isinstance(log, Recording) and "added" not in options else []

@@ -12,35 +12,29 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import date, time
 from functools import cache, lru_cache
 from tokenize import TokenError
 from typing import Any
 
 from swingid.errors import InputError
+from swingid.quantity_text import LONGEST, NUMBER, UnusableError, shown, with_points, with_unit_last
 from swingid.uncertainty.budget import stated
 from swingid.uncertainty.uncertain import Uncertain
 
-_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _QUANTITY = re.compile(
-    rf"(?P<open>\()?\s*(?P<value>{_NUMBER})\s*"
-    rf"(?:(?:±|\+/-|\+-)\s*(?P<std>{_NUMBER})\s*(?P<percent>%)?\s*)?"
+    rf"(?P<open>\()?\s*(?P<value>{NUMBER})\s*"
+    rf"(?:(?:±|\+/-|\+-)\s*(?P<std>{NUMBER})\s*(?P<percent>%)?\s*)?"
     r"(?(open)\))\s*(?P<unit>.*)",
     re.DOTALL,
 )
-_UNIT_FIRST = re.compile(  # numbers are atomic: "e-5" is no unit
-    rf"\s*(?P<value>(?>{_NUMBER}))\s*(?P<unit>[^\s\d±()+%.-][^±()]*?)\s*(?:±|\+/-|\+-)\s*"
-    rf"(?P<std>(?>{_NUMBER}))\s*(?P<again>\S.*?)\s*"
-)
-_TERM = re.compile(rf"\s*(?P<value>{_NUMBER})\s*(?:(?:±|\+/-|\+-)\s*(?P<std>{_NUMBER})\s*(?P<percent>%)?)?\s*")
+_TERM = re.compile(rf"\s*(?P<value>{NUMBER})\s*(?:(?:±|\+/-|\+-)\s*(?P<std>{NUMBER})\s*(?P<percent>%)?)?\s*")
 _OPERATOR = re.compile(r"[*/]\s*\(?\s*\.?[0-9]|\s[+-]\s|\)\s*[*/^]")
 # Names, whole and half powers, products and quotients: pint would also evaluate 9^9^9^9, so it never sees other text.
 _NAME = r"(?:[A-Za-zµμΩ]+(?: ?(?:\^|\*\*) ?(?:\(?[+-]?(?:[1-9](?:\.5)?|0\.5)\)?|\([+-]?[1-9] ?/ ?2\)))?)"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?\(?{_NAME}(?:(?: ?[*/] ?| )\(?{_NAME}\)?)*\)?")
 _HERTZ = re.compile(r"Hz|hertz")
-_GRAIN = re.compile(r"\bgr\b")  # which nobody means by it
+_GRAIN = re.compile(r"\bgr\b")  # 65 mg; people write it for the gram
 _NO_FREQUENCY = "is given in {}, but is an angular speed; write rad/s, deg/s or turns/s"
-_LONGEST = 200
 
 SHARES = {"%": 0.01, "ppm": 1e-6}
 """Units of pure numbers."""
@@ -96,51 +90,12 @@ def parse_quantity(raw: object, unit: str, key: str) -> Quantity:
     """
     try:
         return _read(raw, unit)
-    except _UnusableError as problem:
+    except UnusableError as problem:
         raise InputError(f"{key} {problem.message}".strip(), code=problem.code) from None
 
 
-class _UnusableError(Exception):
-    """What is wrong with a quantity, as a predicate without its subject."""
-
-    def __init__(self, code: str, message: str) -> None:
-        super().__init__(message)
-        self.code = code
-        self.message = message
-
-
-_COMMA = re.compile(r"(?<![0-9.,])([0-9]+),([0-9]+)(?![0-9.,])")
-_THOUSANDS = re.compile(r"[1-9][0-9]{0,2},[0-9]{3}")
-
-
-def _with_points(text: str) -> str:
-    """The text with decimal points for decimal commas.
-
-    Raises _UnusableError where each comma could part thousands, or where commas stand beside decimal points.
-    """
-    numbers = [match[0] for match in _COMMA.finditer(text)] if len(text) <= _LONGEST else []
-    if not numbers:
-        return text
-    if all(_THOUSANDS.fullmatch(number) for number in numbers):
-        point, none = numbers[0].replace(",", "."), numbers[0].replace(",", "")
-        raise _UnusableError(
-            "not-a-quantity", f"is {shown(text)}, where the comma may part thousands; write {point} or {none}"
-        )
-    if "." in text:
-        raise _UnusableError("not-a-quantity", f"is {shown(text)}, with points and commas; write decimal points")
-    return _COMMA.sub(r"\1.\2", text)
-
-
-def _with_unit_last(text: str) -> str:
-    """The text "147.6 g ± 0.2 g" or "147.6 g ± 0.1 %" with the unit once, at its end."""
-    match = _UNIT_FIRST.fullmatch(text) if len(text) <= _LONGEST else None
-    if match is None or match["again"] not in (match["unit"], "%"):
-        return text
-    return f"{match['value']} ± {match['std']} {'% ' if match['again'] == '%' else ''}{match['unit']}"
-
-
 def _read(raw: object, unit: str) -> Quantity:
-    raw = _with_unit_last(_with_points(raw)) if isinstance(raw, str) else raw
+    raw = with_unit_last(with_points(raw)) if isinstance(raw, str) else raw
     if isinstance(raw, str) and _is_calculation(raw):
         return _Calculation(raw).result(unit)
     if isinstance(raw, Quantity):
@@ -152,21 +107,21 @@ def _read(raw: object, unit: str) -> Quantity:
     else:
         value, std, given = _number(raw, unit), None, ""
     if not math.isfinite(value) or (std is not None and not math.isfinite(std)):
-        raise _UnusableError("not-finite", f"must be finite, not {shown(raw)}")
+        raise UnusableError("not-finite", f"must be finite, not {shown(raw)}")
     if std is not None and std < 0:
-        raise _UnusableError(
+        raise UnusableError(
             "negative-uncertainty", f"has the uncertainty {std:g}; give one standard uncertainty, which is not negative"
         )
     factor = _factor(given, unit)
     value, std = value * factor, None if std is None else std * factor
     if not math.isfinite(value) or (std is not None and not math.isfinite(std)):
-        raise _UnusableError("not-finite", f"must be finite in {unit or 'its unit'}, not {shown(raw)}")
+        raise UnusableError("not-finite", f"must be finite in {unit or 'its unit'}, not {shown(raw)}")
     return Quantity(value, std, raw.parts if isinstance(raw, Quantity) else ())
 
 
 def _is_calculation(text: str) -> bool:
     """Return whether a text is more than one number with its uncertainty and unit."""
-    text = _plain(text) if len(text) <= _LONGEST else ""
+    text = _plain(text) if len(text) <= LONGEST else ""
     match = _QUANTITY.fullmatch(text)
     simple = match is not None and (match["unit"].strip() == "" or _UNIT.fullmatch(match["unit"].strip()) is not None)
     return not simple and _OPERATOR.search(text) is not None
@@ -182,13 +137,13 @@ class _Factor:
     def times(self, other: _Factor, power: int = 1) -> _Factor:
         """Product with a power of another."""
         if other.number.value == 0.0 and power < 0:
-            raise _UnusableError("not-finite", "divides by zero")
+            raise UnusableError("not-finite", "divides by zero")
         return _Factor(self.number * other.number**power, self.unit * other.unit**power)
 
     def plus(self, other: _Factor, sign: int) -> _Factor:
         """Sum or difference with another."""
         if self.unit.dimensionality != other.unit.dimensionality:
-            raise _UnusableError(
+            raise UnusableError(
                 "wrong-unit", f"adds {self.unit:~P} and {other.unit:~P}".replace("  ", " pure numbers ")
             )
         return _Factor(self.number + sign * other.number, self.unit)
@@ -208,31 +163,31 @@ class _Calculation:
         self.shown, self.text, self.at = shown(text), _plain(text), 0
 
     def result(self, expected: str) -> Quantity:
-        """The Quantity in the expected SI unit. Raises _UnusableError."""
+        """The Quantity in the expected SI unit. Raises UnusableError."""
         registry = _registry()
         try:
             factor = self._sum()
         except OverflowError:
-            raise _UnusableError("not-finite", f"must be finite, not {self.shown}") from None
+            raise UnusableError("not-finite", f"must be finite, not {self.shown}") from None
         if self.at < len(self.text):
             raise self._unreadable()
         target = registry.parse_units(expected or "dimensionless")
         if "rad" in expected and _HERTZ.search(self.text):
-            raise _UnusableError("wrong-unit", _NO_FREQUENCY.format(self.shown))
+            raise UnusableError("wrong-unit", _NO_FREQUENCY.format(self.shown))
         if factor.unit.dimensionality != target.dimensionality:
             given = f"in {text}" if (text := f"{factor.unit:~P}") else "a pure number"
-            raise _UnusableError(
+            raise UnusableError(
                 "wrong-unit", f"is {self.shown}, which is {given}, but is expected in {expected or 'no unit'}"
             )
         whole = Quantity.of(factor.number * float(registry.convert(1.0, factor.unit, target)))
         if not (math.isfinite(whole.value) and math.isfinite(whole.std or 0.0)):
-            raise _UnusableError("not-finite", f"must be finite, not {self.shown}")
+            raise UnusableError("not-finite", f"must be finite, not {self.shown}")
         return whole
 
-    def _unreadable(self) -> _UnusableError:
+    def _unreadable(self) -> UnusableError:
         rest = self.text[self.at :][:30]
         where = f"at {rest!r}" if rest else "at its end"
-        return _UnusableError(
+        return UnusableError(
             "not-a-quantity", f"is {self.shown}, which cannot be read {where}; {_ADVICE_OF_CALCULATION}"
         )
 
@@ -284,7 +239,7 @@ class _Calculation:
         import pint
 
         if std is not None and std < 0:
-            raise _UnusableError("negative-uncertainty", f"has the uncertainty {std:g}; give one that is not negative")
+            raise UnusableError("negative-uncertainty", f"has the uncertainty {std:g}; give one that is not negative")
         if self._took(r" ?%") is not None:
             value, std = value / 100, None if std is None else std / 100
         text = self._took(rf" ?{_NAME}(?:(?: ?[*/] ?| ){_NAME})*") or "dimensionless"
@@ -293,11 +248,11 @@ class _Calculation:
             unit = registry.parse_units(text)
             zero, scaled = (registry.Quantity(x, unit).to_base_units() for x in (0.0, 1.0))
         except (pint.errors.PintError, TokenError, AttributeError, ValueError, TypeError):
-            raise _UnusableError(
+            raise UnusableError(
                 "wrong-unit", f"is {self.shown}, which has the unknown unit {text!r}; {_SI_NAMES}"
             ) from None
         if float(zero.magnitude) != 0.0:
-            raise _UnusableError("wrong-unit", f"is {self.shown}, where {text} has another zero than its base unit")
+            raise UnusableError("wrong-unit", f"is {self.shown}, where {text} has another zero than its base unit")
         factor = float(scaled.magnitude)
         return _Factor(Quantity(value, std).uncertain(f"number {self.at}") * factor, scaled.units)
 
@@ -310,16 +265,16 @@ def _plain(text: str) -> str:
 
 def _split(text: str, unit: str) -> tuple[float, float | None, str]:
     """Value, uncertainty and unit as text."""
-    match = _QUANTITY.fullmatch(text.strip().replace("−", "-")) if len(text) <= _LONGEST else None
+    match = _QUANTITY.fullmatch(text.strip().replace("−", "-")) if len(text) <= LONGEST else None
     if match is None:
-        raise _UnusableError("not-a-quantity", f"is {shown(text)}, which is no quantity; {_advice(unit)}")
+        raise UnusableError("not-a-quantity", f"is {shown(text)}, which is no quantity; {_advice(unit)}")
     value = float(match["value"])
     std = None if match["std"] is None else float(match["std"])
     if match["percent"]:
         assert std is not None
         # "5 ± 1 %" of a pure number could mean 5 % ± 1 %: ask rather than guess.
         if unit == "":
-            raise _UnusableError(
+            raise UnusableError(
                 "not-a-quantity", f"is {shown(text)}, where % may belong to both numbers; write both without %"
             )
         std *= abs(value) / 100
@@ -330,21 +285,21 @@ def _from_table(raw: Mapping[Any, object], unit: str) -> tuple[float, float | No
     strange = [str(key) for key in raw if key not in ("value", "std", "unit")]
     if strange or "value" not in raw:
         problem = f"has the unknown key {strange[0][:40]!r}" if strange else "lacks value"
-        raise _UnusableError("not-a-quantity", f"{problem}; a quantity's table is {{value=…, std=…, unit=…}}")
+        raise UnusableError("not-a-quantity", f"{problem}; a quantity's table is {{value=…, std=…, unit=…}}")
     given = raw.get("unit", "")
     if not isinstance(given, str):
-        raise _UnusableError("not-a-quantity", f"has the unit {shown(given)}, which is not text; {_advice(unit)}")
+        raise UnusableError("not-a-quantity", f"has the unit {shown(given)}, which is not text; {_advice(unit)}")
     std = None if raw.get("std") is None else _number(raw["std"], unit)
     return _number(raw["value"], unit), std, given.strip()
 
 
 def _number(raw: object, unit: str) -> float:
     if isinstance(raw, bool) or not isinstance(raw, int | float):
-        raise _UnusableError("not-a-quantity", f"is {shown(raw)}, which is no number; {_advice(unit)}")
+        raise UnusableError("not-a-quantity", f"is {shown(raw)}, which is no number; {_advice(unit)}")
     try:
         return float(raw)
     except OverflowError:
-        raise _UnusableError("not-finite", "is too large a number") from None
+        raise UnusableError("not-finite", "is too large a number") from None
 
 
 @lru_cache(maxsize=512)
@@ -355,16 +310,16 @@ def _factor(given: str, expected: str) -> float:
     if expected == "":
         if given in SHARES:
             return SHARES[given]
-        raise _UnusableError("wrong-unit", f"is given in {given[:40]!r}, but is a pure number without a unit")
+        raise UnusableError("wrong-unit", f"is given in {given[:40]!r}, but is a pure number without a unit")
     text = _plain(given)
     if _UNIT.fullmatch(text) is None or text.count("(") != text.count(")"):
         calculated = re.search(r"(^|[ +])\d", text) is not None
         more = f"; in a calculation {_ADVICE_OF_CALCULATION}" if calculated else ""
-        raise _UnusableError("wrong-unit", f"has the unreadable unit {given[:40]!r}; expected is {expected}{more}")
+        raise UnusableError("wrong-unit", f"has the unreadable unit {given[:40]!r}; expected is {expected}{more}")
     if _GRAIN.search(text):
-        raise _UnusableError("wrong-unit", f"is given in {given[:40]!r}; gr is the grain, so write g for the gram")
+        raise UnusableError("wrong-unit", f"is given in {given[:40]!r}; gr is the grain, so write g for the gram")
     if "rad" in expected and _HERTZ.search(text):
-        raise _UnusableError("wrong-unit", _NO_FREQUENCY.format(repr(given)))
+        raise UnusableError("wrong-unit", _NO_FREQUENCY.format(repr(given)))
     return _ask_pint(text, given, expected)
 
 
@@ -381,9 +336,9 @@ def _ask_pint(text: str, given: str, expected: str) -> float:
     except (pint.errors.PintError, TokenError, AttributeError, ValueError, TypeError):
         # pint's ways of saying that a name is no unit
         message = f"has the unknown unit {given[:40]!r}; expected is {expected}"
-        raise _UnusableError("wrong-unit", message) from None
+        raise UnusableError("wrong-unit", message) from None
     if not math.isfinite(factor) or factor == 0.0:
-        raise _UnusableError("wrong-unit", f"is given in {given[:40]!r}, but is expected in {expected}")
+        raise UnusableError("wrong-unit", f"is given in {given[:40]!r}, but is expected in {expected}")
     return factor
 
 
@@ -399,13 +354,3 @@ def _registry() -> Any:
 
 def _advice(unit: str) -> str:
     return f'write a number, or text like "1.2 ± 0.1{" " + unit if unit else ""}"'
-
-
-def shown(raw: object) -> str:
-    """A value of a TOML file as a message shows it, cut short."""
-    if isinstance(raw, bool):
-        return str(raw).lower()
-    if isinstance(raw, int):
-        return "a large whole number" if abs(raw) >= 10**20 else str(raw)
-    text = raw.isoformat() if isinstance(raw, date | time) else repr(raw)
-    return text if len(text) <= 50 else f"{text[:47]}..."

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import contextlib
-import importlib.util
 import io
 import os
 import re
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from loaded_tool import tool
 from long_cases import quick_if
 from swingid.model.rig import Rig
 from swingid.model.rig.errors import known_keys
@@ -37,12 +37,7 @@ def prose(page: Path) -> str:
 
 def test_the_list_of_modules_is_up_to_date() -> None:
     """`python tools/list_modules.py` writes it; a module without a docstring is an error there."""
-    spec = importlib.util.spec_from_file_location("list_modules", ROOT / "tools" / "list_modules.py")
-    assert spec is not None
-    assert spec.loader is not None
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
-    assert (DOCS / "modules.md").read_text(encoding="utf-8") == tool.page()
+    assert (DOCS / "modules.md").read_text(encoding="utf-8") == tool("list_modules").page()
 
 
 def test_layers_in_architecture_are_those_of_the_contract() -> None:

@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import re
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from loaded_tool import tool
 from swingid.cli.app import run
 from swingid.cli.failure import EXPLAINED
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def tool() -> Any:
-    spec = importlib.util.spec_from_file_location("list_errors", ROOT / "tools" / "list_errors.py")
-    assert spec is not None
-    assert spec.loader is not None
-    found = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(found)
-    return found
 
 
 def headings(text: str) -> set[str]:
@@ -33,7 +23,7 @@ def headings(text: str) -> set[str]:
 def test_every_code_has_its_place() -> None:
     """Sentences may be older than the code; `python tools/list_errors.py` renews them and adds what lacks."""
     there = headings((ROOT / EXPLAINED).read_text(encoding="utf-8"))
-    assert headings(tool().page()) - there == set()
+    assert headings(tool("list_errors").page()) - there == set()
     assert len(there) > 200
 
 
@@ -42,7 +32,7 @@ def test_a_sentence_shows_what_is_written_in_place(tmp_path: Path) -> None:
     path.write_text(
         'raise InputError(f"{name} is no {kind}; give a log", code="no-log")\nrefuse("bad", "is bad", "key")\n'
     )
-    assert list(tool().raised(path)) == [("no-log", 3, "… is no …; give a log"), ("bad", 3, "is bad")]
+    assert list(tool("list_errors").raised(path)) == [("no-log", 3, "… is no …; give a log"), ("bad", 3, "is bad")]
 
 
 class Terminal(io.StringIO):

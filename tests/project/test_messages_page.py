@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 from collections.abc import Iterator
 from pathlib import Path
 
+from loaded_tool import tool
 from swingid.cli.app import run
 from swingid.result.codes import MEANINGS, meaning
 
@@ -60,12 +60,7 @@ def test_every_code_has_a_meaning_and_every_meaning_a_code() -> None:
 
 def test_the_page_has_them() -> None:
     """`python tools/list_messages.py` renews it."""
-    spec = importlib.util.spec_from_file_location("list_messages", ROOT / "tools" / "list_messages.py")
-    assert spec is not None
-    assert spec.loader is not None
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
-    assert (ROOT / "docs" / "messages.md").read_text(encoding="utf-8") == tool.page()
+    assert (ROOT / "docs" / "messages.md").read_text(encoding="utf-8") == tool("list_messages").page()
 
 
 def test_help_prints_a_meaning_and_refuses_what_is_no_code(capsys) -> None:

@@ -114,9 +114,10 @@ class Answer:
 
     def _card(self, title: str, sentence: str, code: str) -> None:
         """A warning: what, why, what to do, and where a key mends it a button that writes the key."""
-        why, _, remedy = on_page(sentence).rpartition("; ")
+        shown = on_page(sentence)
+        why, _, remedy = shown.rpartition("; ")
         if STATES.match(remedy):
-            why, remedy = "", on_page(sentence)
+            why, remedy = "", shown
         with ui.element("div").classes("swingid-warning").props('role="group" aria-label="warning"'):
             ui.label(title).classes("swingid-strong")
             ui.label(_sentence(why or remedy)).classes("swingid-text")

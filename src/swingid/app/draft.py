@@ -137,21 +137,22 @@ class Draft:
 
     def filled(self) -> int:
         """How many values were given."""
-        kind = self.rig_kind
-        ways = [self.way(question) for question in (kind.questions if kind else ()) if self.asks(question)]
-        return sum(bool(texts.get(field.key)) for choice, texts in ways for field in choice.fields)
+        return sum(bool(texts.get(field.key)) for choice, texts in self._ways() for field in choice.fields)
 
     def open_fields(self) -> list[str]:
         """Words of the fields that are still empty."""
-        kind = self.rig_kind
-        questions = () if kind is None or self.base else kind.questions
-        ways = [self.way(question) for question in questions if self.asks(question)]
         return [
             field.words
-            for choice, texts in ways
+            for choice, texts in self._ways()
             for field in choice.fields
             if not field.holds(texts.get(field.key, ""))
         ]
+
+    def _ways(self) -> list[tuple[Way, dict[str, str]]]:
+        """The way and the texts of each question that is open; none beside a rig file."""
+        kind = self.rig_kind
+        questions = () if kind is None or self.base else kind.questions
+        return [self.way(question) for question in questions if self.asks(question)]
 
     def values(self, *, filled: bool = False) -> dict[str, object]:
         """What was told, at dotted keys of rig.toml; filled: fields that are still empty have their examples."""

@@ -31,12 +31,9 @@ def rig_cards(draft: Draft, first: str, chosen: Callable[[str], Any]) -> None:
             missing = kind.missing(draft.columns)
             wrong = "" if not missing else f"Needs a column of {' or '.join(MISSING[role] for role in missing)}."
             if not wrong and kind.linear != draft.linear:
-                other = (
-                    "a position: set its unit in Look to m"
-                    if kind.linear
-                    else "an angle: its unit in Look is one of length"
-                )
-                wrong = f"Needs {other}."
+                wrong = "Needs an angle: its unit in Look is one of length."
+                if kind.linear:
+                    wrong = "Needs a position: set its unit in Look to m."
             with ui.element("button").classes("swingid-card") as card:
                 card.props(f'type="button" aria-pressed="{"true" if kind.name == draft.kind else "false"}"')
                 if wrong:

@@ -14,10 +14,11 @@ from pydantic import AfterValidator, Field, PlainValidator, ValidationError, mod
 
 from swingid.errors import InputError
 from swingid.model.rig.errors import describe
-from swingid.model.rig.fields import Column, Table, given, measurable, quantity, refuse
+from swingid.model.rig.fields import Column, Table, given, quantity, quantity_in, refuse
 from swingid.numerics.arrays import Array
+from swingid.quantity_text import shown
 from swingid.system import read_input
-from swingid.units import Quantity, parse_quantity, shown
+from swingid.units import Quantity
 
 STEEPEST = math.radians(10)
 """Largest tilt (rad): above it the second order of the direction, tilt², exceeds 3 % of a moment."""
@@ -45,12 +46,7 @@ def _place(raw: object) -> tuple[Quantity, Quantity, Quantity]:
     """A place in the body frame: three lengths."""
     if not isinstance(raw, list) or len(raw) != 3:
         refuse("wrong-value", f'must be three lengths such as ["0 mm", "0 mm", "12 ± 0.1 mm"], not {shown(raw)}')
-    try:
-        x, y, z = (parse_quantity(part, "m", "") for part in raw)
-    except InputError as error:
-        refuse(error.code, error.message)
-    for part in (x, y, z):
-        measurable(part)
+    x, y, z = (quantity_in(part, "m") for part in raw)
     return x, y, z
 
 
@@ -62,7 +58,7 @@ def _known(quantity: Quantity) -> Quantity:
 
 def _tilt(raw: object) -> float:
     """A small angle, the standard uncertainty of a direction."""
-    tilt = _quantity(raw, "rad")
+    tilt = quantity_in(raw, "rad")
     if tilt.std is not None:
         refuse("uncertainty-unused", "takes no uncertainty; write the number alone")
     if not 0 <= tilt.value <= STEEPEST:
@@ -75,23 +71,14 @@ def _tilt(raw: object) -> float:
 
 def _torque(raw: object) -> Quantity | str:
     """A torque, or "result"."""
-    return raw if raw == "result" else _quantity(raw, "N*m")
+    return raw if raw == "result" else quantity_in(raw, "N*m")
 
 
 def _fixture(raw: object) -> Quantity | str:
     """A path ending in .json, or an inertia."""
     if isinstance(raw, str) and raw.lower().endswith(".json"):
         return raw
-    return _quantity(raw, "kg*m^2")
-
-
-def _quantity(raw: object, unit: str) -> Quantity:
-    try:
-        quantity = parse_quantity(raw, unit, "")
-    except InputError as error:
-        refuse(error.code, error.message)
-    measurable(quantity)
-    return quantity
+    return quantity_in(raw, "kg*m^2")
 
 
 Vector = Annotated[tuple[float, float, float], PlainValidator(_vector)]

@@ -13,7 +13,7 @@ from swingid.pooling.pooling import Pooled, outliers
 from swingid.progress import tracked
 from swingid.recording.findings import Kind
 from swingid.recording.large import LargeLog
-from swingid.recording.recording import Recording
+from swingid.recording.recording import Recording, require_logs
 from swingid.result.provenance import of_several
 from swingid.result.result import Message, Result, refusal
 from swingid.uncertainty.budget import BudgetEntry, Parameter
@@ -138,16 +138,12 @@ def logs_by_name(
 
     Raises UsageError for none, or for one given twice.
     """
+    require_logs(logs.values() if isinstance(logs, Mapping) else logs, Recording | LargeLog | SwingidError)
     if not isinstance(logs, Mapping):
-        for given in logs:
-            if not isinstance(given, Recording | LargeLog):
-                raise UsageError(f"{given!r} is no log; load it with sw.Recording.load(path, rig).", code="no-log")
         paths = [log.source.path if isinstance(log, Recording) else log.path for log in logs]
         unique = len(set(paths)) == len(paths)
         names = [path if path and unique else f"log {k + 1}" for k, path in enumerate(paths)]
         logs = dict(zip(names, logs, strict=True))
-    if not logs:
-        raise UsageError("no log was given; give one or more.", code="no-log")
     seen: dict[object, str] = {}
     for name, log in logs.items():
         if isinstance(log, Recording):

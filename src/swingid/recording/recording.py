@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -236,9 +236,19 @@ def _frozen(name: str, values: ArrayLike, length: int | None) -> Array:
 def listed(logs: Any) -> list[Recording]:
     """One log or several as a list. Raises UsageError for none, and for what is no log, such as its path."""
     several = list(logs) if isinstance(logs, Iterable) and not isinstance(logs, str | bytes) else [logs]
-    for log in several:
-        if not isinstance(log, Recording):
-            raise UsageError(f"{log!r} is no log; load it with sw.Recording.load(path, rig).", code="no-log")
-    if not several:
-        raise UsageError("no log was given; give one or more.", code="no-log")
+    require_logs(several)
     return several
+
+
+def require_logs(logs: Collection[object], kinds: Any = Recording) -> None:
+    """Raise UsageError for no log, and for one of none of these types, such as its path."""
+    for log in logs:
+        if not isinstance(log, kinds):
+            raise no_log(log)
+    if not logs:
+        raise UsageError("no log was given; give one or more.", code="no-log")
+
+
+def no_log(given: object) -> UsageError:
+    """The error of what is no log."""
+    return UsageError(f"{given!r} is no log; load it with sw.Recording.load(path, rig).", code="no-log")

@@ -106,8 +106,8 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
     UnanswerableError
         Nothing moves, the voltage excites too little to distinguish gain from damping, a wrong sign.
     """
-    # a push on the axis does not enter equation (II), so its rows stay in
     require_rig(rig)
+    # a push on the axis does not enter equation (II), so its rows stay in
     read = [corrected(log, rig) for log in listed(logs)]
     several = [log for log, _, _ in read]
     if rig.drive.channel in ("torque", "voltage"):

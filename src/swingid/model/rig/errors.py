@@ -8,7 +8,8 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from swingid.model.rig.fields import TermTable
-from swingid.units import UnknownScale, shown
+from swingid.quantity_text import shown
+from swingid.units import UnknownScale
 
 
 def describe(error: ValidationError, root: type[BaseModel], what: str = "a rig file") -> tuple[str, str]:

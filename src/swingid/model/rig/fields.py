@@ -12,7 +12,8 @@ from pydantic_core import PydanticCustomError
 
 from swingid.errors import InputError
 from swingid.model.terms import Term, further_terms
-from swingid.units import Quantity, UnknownScale, parse_quantity, shown
+from swingid.quantity_text import shown
+from swingid.units import Quantity, UnknownScale, parse_quantity
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -62,14 +63,18 @@ def measurable(quantity: Quantity) -> Quantity:
     return quantity
 
 
-def read_quantity(raw: object, info: ValidationInfo, rotary: str, linear: str | None = None) -> Quantity:
-    """`parse_quantity` with the unit that fits the axis kind in `info.context`."""
-    kind = (info.context or {}).get("kind", "rotary")
-    unit = linear if linear is not None and kind == "linear" else rotary
+def quantity_in(raw: object, unit: str) -> Quantity:
+    """The quantity that `raw` states in this SI unit; refused as by `parse_quantity` and `measurable`."""
     try:
         return measurable(parse_quantity(raw, unit, ""))
     except InputError as error:
         refuse(error.code, error.message)
+
+
+def read_quantity(raw: object, info: ValidationInfo, rotary: str, linear: str | None = None) -> Quantity:
+    """`quantity_in` with the unit that fits the axis kind in `info.context`."""
+    kind = (info.context or {}).get("kind", "rotary")
+    return quantity_in(raw, linear if linear is not None and kind == "linear" else rotary)
 
 
 class Limits(TypedDict, total=False):

@@ -24,8 +24,9 @@ from swingid.model.rig.gravity import in_place_of_weighing
 from swingid.model.rig.sensors import NONLINEARITY, Sensors
 from swingid.model.rig.tables import Axis, LogConventions
 from swingid.model.terms import MOTOR_KEYS, rig_terms
+from swingid.quantity_text import shown
 from swingid.system import read_input
-from swingid.units import Quantity, shown
+from swingid.units import Quantity
 
 
 def _one_line(name: str) -> str:

@@ -11,7 +11,8 @@ from pydantic import AfterValidator, Field, model_validator
 
 from swingid.model.rig.encoder_kinds import NAMES, Kind, kind_of
 from swingid.model.rig.fields import Table, given, plain_number, quantity, refuse, stated
-from swingid.units import Quantity, shown
+from swingid.quantity_text import shown
+from swingid.units import Quantity
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,10 +41,12 @@ class Suspension(Table):
 
 
 class _Strings(Table):
-    """What bifilar and trifilar have in common: mass of all that hangs, length of a string or height h, place."""
+    """What bifilar and trifilar have in common: mass of all that hangs, length of a string or height h, place.
 
-    lower_key: ClassVar[str]
-    upper_key: ClassVar[str]
+    across: the key of what stands between the strings on the body; that above has "upper_" before it.
+    """
+
+    across: ClassVar[str]
     mass: Annotated[Quantity | Literal["unknown"], PlainValidator(quantity_or_unknown("kg", above=0))]
     length: Length | None = None
     height: Length | None = None
@@ -80,7 +82,7 @@ class _Strings(Table):
         Raises PydanticCustomError for strings that are too short.
         """
         upper, lower = self.radii
-        same = not stated(self, self.upper_key)
+        same = not stated(self, f"upper_{self.across}")
         apart = 0.0 if same else upper.value - lower.value
         given, key = self.height or self.length, "height" if self.height else "length"
         assert given is not None
@@ -94,8 +96,8 @@ class _Strings(Table):
         fields: dict[str, Any] = {"shape": shape, "height": h, "stiffness": "unknown"}
         if isinstance(self.mass, Quantity):
             table = f"axis.{type(self).__name__.lower()}"
-            r = lower.uncertain(f"{table}.{self.lower_key}")
-            above = r if same else upper.uncertain(f"{table}.{self.upper_key}")
+            r = lower.uncertain(f"{table}.{self.across}")
+            above = r if same else upper.uncertain(f"{table}.upper_{self.across}")
             long = given.uncertain(f"{table}.{key}")
             high = long if self.height else (long**2 - (above - r) ** 2) ** 0.5
             weight = self.mass.uncertain(f"{table}.mass") * self.free_fall.uncertain(f"{table}.g")
@@ -109,8 +111,7 @@ class Bifilar(_Strings):
 
     distance: Length
     upper_distance: Length | None = None
-    lower_key: ClassVar[str] = "distance"
-    upper_key: ClassVar[str] = "upper_distance"
+    across: ClassVar[str] = "distance"
 
     @property
     def radii(self) -> tuple[Quantity, Quantity]:
@@ -123,8 +124,7 @@ class Trifilar(_Strings):
 
     radius: Length
     upper_radius: Length | None = None
-    lower_key: ClassVar[str] = "radius"
-    upper_key: ClassVar[str] = "upper_radius"
+    across: ClassVar[str] = "radius"
 
     @property
     def radii(self) -> tuple[Quantity, Quantity]:

@@ -31,8 +31,9 @@ from swingid.model.rig.fields import (
 )
 from swingid.model.rig.gravity import weighed
 from swingid.model.rig.suspension import Bifilar, Suspension, Trifilar
+from swingid.quantity_text import shown
 from swingid.spellings import canonical
-from swingid.units import Quantity, shown
+from swingid.units import Quantity
 
 Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]
 Force = Annotated[Quantity, quantity("N*m", "N", least=0)]

@@ -5,6 +5,8 @@ Every error that a user can cause is one sentence: which file, row or key; what 
 
 from __future__ import annotations
 
+from functools import partial
+
 
 class SwingidError(Exception):
     """An error that a user can act on; it can be pickled, so it also comes from a process of a pool.
@@ -20,19 +22,9 @@ class SwingidError(Exception):
         self.message = message
         self.code = code
 
-    def reworded(self, message: str) -> SwingidError:
-        """The same error in other words."""
-        return _restored(type(self), (message,), {**vars(self), "message": message})
-
     def __reduce__(self) -> tuple[object, ...]:
         """Restore the whole error from a pickle, which would call the class with the message alone."""
-        return _restored, (type(self), self.args, vars(self))
-
-
-def _restored(kind: type[SwingidError], arguments: tuple[object, ...], state: dict[str, object]) -> SwingidError:
-    error = kind.__new__(kind, *arguments)
-    vars(error).update(state)
-    return error
+        return partial(type(self).__new__, type(self), self.message), (), vars(self)
 
 
 class UsageError(SwingidError):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError, require_rig
-from swingid.methods.table import DEFAULT, Method, method_of
-from swingid.methods.unscaled import in_units_of, unscaled
+from swingid.methods.table import DEFAULT, Answers, Method, method_of
+from swingid.methods.unscaled import unscaled
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.pooling.selected import Log, Logs, Span, decays_of, in_parts, of_releases, parts_of, releases, with_parts
 from swingid.preparation.reference import GAIN, WHEEL, Reference, reference_of, turns_freely
@@ -113,144 +114,153 @@ def identify(
     ok 0.003022 kg m^2
     """
     given = {name: value for name, value in locals().items() if name not in NO_OPTIONS}
-    options = {name: value for name, value in (given | more).items() if value is not None}
+    return identify_beside(Answers(), log, rig, method, part=part, **given, **more)
+
+
+def identify_beside(
+    momentum: Answers, log: Logs, rig: Rig, method: str = DEFAULT, /, *, part: object = None, **given: object
+) -> Result:
+    """`identify` with momentum's answers, which are kept for other methods on the same log."""
+    options = {name: value for name, value in given.items() if value is not None}
     chosen, spans = method_of(method), parts_of(part)
     require_rig(rig)
     if isinstance(log, str | Path):
         raise no_log(log)
+    identification = _Identification(rig, chosen, options, momentum)
     if spans:
-        return _of_parts(log, rig, chosen, spans, options)
+        return identification.of_parts(log, spans)
     swings = releases(log, rig) if isinstance(log, Recording) and "added" not in options else []
-    pooled = _of_releases(log, rig, chosen, swings, options) if swings and isinstance(log, Recording) else None
-    return pooled or _identify(log, rig, chosen, options)
+    pooled = identification.of_releases(log, swings) if swings and isinstance(log, Recording) else None
+    return pooled or identification.of(log)
 
 
-def _identify(log: Logs, rig: Rig, chosen: Method, options: Mapping[str, object]) -> Result:
-    """`identify` without parts."""
-    options = dict(options)
-    added = options.pop("added", None)
-    if rig.drive.channel == "voltage" or added is not None or (turns_freely(rig) and chosen.name == "momentum"):
-        run = partial(_together, method=chosen, options=options, added=added)
-    else:
-        _refuse_coast_down(rig, chosen)
-        run = partial(_identified, chosen=chosen, options=options)
-    reference = None if added is not None or turns_freely(rig) else reference_of(rig)
-    if reference is None:
-        return run(log, rig)
-    _require_method(reference, chosen)
-    with in_units_of(reference):
-        result = run(log, reference.rig)
-    return unscaled(result, reference, rig)
+@dataclass(frozen=True)
+class _Identification:
+    """A method with its options on a rig; momentum: its answers to logs, with which the method is compared."""
+
+    rig: Rig
+    method: Method
+    options: Mapping[str, object]
+    momentum: Answers
+
+    def of(self, log: Logs) -> Result:
+        """The result of a log, or of several of one body."""
+        added, free = self.options.get("added"), turns_freely(self.rig)
+        by_momentum = free and self.method.name == DEFAULT
+        together = self.rig.drive.channel == "voltage" or added is not None or by_momentum
+        if free and not together:
+            raise _coast_down(self.rig, self.method)
+        reference = None if added is not None or free else reference_of(self.rig)
+        if reference is None:
+            return self._together(log) if together else self._each(log)
+        _require_method(reference, self.method)
+        in_its_units = replace(self, rig=reference.rig)
+        result = in_its_units._together(log) if together else in_its_units._each(log)
+        return unscaled(result, reference, self.rig)
+
+    def of_parts(self, log: Logs, spans: Sequence[Span]) -> Result:
+        """The result of selected parts; of several of one log with the value of each."""
+        chosen_rows = in_parts(log, spans)
+        result = self.of(chosen_rows)
+        if len(spans) == 1 or not isinstance(log, Recording | LargeLog) or not isinstance(chosen_rows, dict):
+            return result
+        return with_parts(result, spans, result.per_log or [self._alone(rows) for rows in chosen_rows.values()])
+
+    def _alone(self, log: Log | SwingidError) -> Result:
+        """The result of one part by the default options, refused or not."""
+        if isinstance(log, SwingidError):
+            return refusal(self.method.name, log)
+        try:
+            return replace(self, options={}).of(log)
+        except SwingidError as error:
+            return refusal(self.method.name, error)
+
+    def of_releases(self, log: Recording, spans: Sequence[Span]) -> Result | None:
+        """The result of all free decays of a log together; None where at most one of them has a number."""
+        try:
+            result = self.of(decays_of(log, spans))
+        except UnanswerableError:
+            return None
+        kept = [span for span, of_part in zip(spans, result.per_log, strict=True) if of_part.status != "refused"]
+        if len(kept) < 2:
+            return None
+        if len(kept) < len(spans):
+            result = self.of(decays_of(log, kept))
+        return with_parts(of_releases(result, kept, len(spans) - len(kept)), kept, result.per_log)
+
+    def _each(self, log: Logs) -> Result:
+        """The result of each log, pooled where there are several; something sets the scale, or is its unit."""
+        from swingid.pooling.several import FRICTION, identify_several
+
+        alone = isinstance(log, Recording | LargeLog)
+        logs = [log] if isinstance(log, Recording | LargeLog) else log if isinstance(log, Mapping) else list(log)
+        options = dict(self.options)
+        fits_friction = not alone and ("friction" not in self.method.options() or options.get("friction") in FRICTION)
+        friction = str(options.pop("friction", FRICTION[0])) if fits_friction else FRICTION[0]
+        self.method.check_options(options)
+
+        def of_all(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
+            on_rig = replace(self, rig=rig, options=options)
+            shown = Equation.of(rig).shown
+            return identify_several(
+                logs, lambda one: on_rig._of_one(one, more, len(logs) > 1), friction=friction, shown=shown
+            )
+
+        try:
+            each = logs.values() if isinstance(logs, Mapping) else logs
+            return _calibrated(of_all(self.rig), of_all, each, self.rig)
+        except UnanswerableError as error:
+            path = log.path if isinstance(log, LargeLog) else log.source.path if isinstance(log, Recording) else None
+            if path is None or path in error.message:
+                raise
+            raise UnanswerableError(f"{path}: {error.message}", code=error.code) from error
+
+    def _of_one(self, log: Log, more: tuple[Finding, ...], one_of_several: bool) -> Result:
+        """The result of one log, to whose findings `more` are added."""
+        identify_one = partial(self.method.identify, rig=self.rig, options=self.options)
+        if isinstance(log, Recording):
+            log = replace(log, findings=(*log.findings, *more)) if more else log
+            return identify_one(log, one_of_several=one_of_several, momentum=self.momentum)
+        from swingid.pooling.in_parts import identify_large, require_in_parts
+
+        require_in_parts(log, self.method)
+        return identify_large(log, partial(identify_one, one_of_several=True))
+
+    def _together(self, log: Logs) -> Result:
+        """The result of one fit to all logs: of a motor on the axis, of known bodies that differ, of a free body."""
+        from swingid.methods.momentum.together import momentum_together
+        from swingid.pooling.several import named_recordings
+        from swingid.preparation.prepared import prepare
+
+        rig, method, added = self.rig, self.method, self.options.get("added")
+        options = {name: value for name, value in self.options.items() if name != "added"}
+        if method.name != "momentum":
+            refuse_motor(rig, f"the method {method.name}")
+            text = f"logs with known bodies added are identified by the method momentum, not by {method.name}"
+            raise UsageError(f"{text}; choose that.", code="unknown-option")
+        free = turns_freely(rig) and added is None
+        if free:
+            method.check_options({name: value for name, value in options.items() if name != "friction"})
+        elif options:
+            text = f"{', '.join(options)}: no option of one fit to several logs; leave it out."
+            raise UsageError(text, code="no-option")
+        logs = named_recordings([log] if isinstance(log, Recording | LargeLog) else log)
+        bodies = None if added is None else bodies_of(added, len(logs), rig)
+        if bodies is not None:
+            _refuse_unknown_drive(rig)
+        elsewhere = free or bodies is not None
+        prepared = [prepare(each, rig, together=True, scaled_elsewhere=elsewhere) for each in logs.values()]
+        return momentum_together(prepared, list(logs), bodies)
 
 
-def _of_parts(log: Logs, rig: Rig, chosen: Method, spans: Sequence[Span], options: Mapping[str, object]) -> Result:
-    """The result of selected parts; of several of one log with the value of each."""
-    chosen_rows = in_parts(log, spans)
-    result = _identify(chosen_rows, rig, chosen, options)
-    if len(spans) == 1 or not isinstance(log, Recording | LargeLog) or not isinstance(chosen_rows, dict):
-        return result
-    return with_parts(result, spans, result.per_log or [_alone(rows, rig, chosen) for rows in chosen_rows.values()])
-
-
-def _alone(log: Log | SwingidError, rig: Rig, chosen: Method) -> Result:
-    """The result of one part, refused or not."""
-    if isinstance(log, SwingidError):
-        return refusal(chosen.name, log)
-    try:
-        return _identify(log, rig, chosen, {})
-    except SwingidError as error:
-        return refusal(chosen.name, error)
-
-
-def _of_releases(
-    log: Recording, rig: Rig, chosen: Method, spans: Sequence[Span], options: Mapping[str, object]
-) -> Result | None:
-    """The result of all free decays of a log together; None where at most one of them has a number."""
-    try:
-        result = _identify(decays_of(log, spans), rig, chosen, options)
-    except UnanswerableError:
-        return None
-    kept = [
-        span for span, result_of_part in zip(spans, result.per_log, strict=True) if result_of_part.status != "refused"
-    ]
-    if len(kept) < 2:
-        return None
-    if len(kept) < len(spans):
-        result = _identify(decays_of(log, kept), rig, chosen, options)
-    return with_parts(of_releases(result, kept, len(spans) - len(kept)), kept, result.per_log)
-
-
-def _identified(
-    log: Logs,
-    rig: Rig,
-    chosen: Method,
-    options: dict[str, object],
-) -> Result:
-    """`identify` with a rig in which something sets the scale, or is its unit."""
-    from swingid.pooling.several import FRICTION, identify_several
-
-    alone = isinstance(log, Recording | LargeLog)
-    logs = [log] if isinstance(log, Recording | LargeLog) else log if isinstance(log, Mapping) else list(log)
-    fits_friction = not alone and ("friction" not in chosen.options() or options.get("friction") in FRICTION)
-    friction = str(options.pop("friction", FRICTION[0])) if fits_friction else FRICTION[0]
-    chosen.check_options(options)
-
-    def of_all(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
-        one_of_several = len(logs) > 1
-        return identify_several(
-            logs,
-            lambda log_of_body: _of_one(log_of_body, rig, chosen, options, more, one_of_several=one_of_several),
-            friction=friction,
-        )
-
-    try:
-        return _calibrated(of_all(rig), of_all, logs.values() if isinstance(logs, Mapping) else logs, rig)
-    except UnanswerableError as error:
-        path = log.path if isinstance(log, LargeLog) else log.source.path if isinstance(log, Recording) else None
-        if path is None or path in error.message:
-            raise
-        raise UnanswerableError(f"{path}: {error.message}", code=error.code) from error
-
-
-def _together(
-    log: Logs,
-    rig: Rig,
-    method: Method,
-    options: Mapping[str, object],
-    added: object,
-) -> Result:
-    """The result of one fit to all logs: of a motor on the axis, of known bodies that differ, of a free body."""
-    from swingid.methods.momentum.together import momentum_together
-    from swingid.pooling.several import named_recordings
-    from swingid.preparation.prepared import prepare
-
-    if method.name != "momentum":
-        refuse_motor(rig, f"the method {method.name}")
-        text = f"logs with known bodies added are identified by the method momentum, not by {method.name}; choose that."
-        raise UsageError(text, code="unknown-option")
-    free = turns_freely(rig) and added is None
-    if free:
-        method.check_options({name: value for name, value in options.items() if name != "friction"})
-    elif options:
-        raise UsageError(f"{', '.join(options)}: no option of one fit to several logs; leave it out.", code="no-option")
-    logs = named_recordings([log] if isinstance(log, Recording | LargeLog) else log)
-    bodies = None if added is None else bodies_of(added, len(logs), rig)
-    if bodies is not None:
-        _refuse_unknown_drive(rig)
-    elsewhere = free or bodies is not None
-    prepared = [prepare(each, rig, together=True, scaled_elsewhere=elsewhere) for each in logs.values()]
-    return momentum_together(prepared, list(logs), bodies)
-
-
-def _refuse_coast_down(rig: Rig, method: Method) -> None:
-    """Raise UnanswerableError for a body that turns freely, which only momentum identifies; it was asked first."""
-    if turns_freely(rig):
-        raise UnanswerableError(
-            f"rig {rig.name}: nothing but friction acts on the axis, as in a coast-down, which {method.name} does not "
-            "identify; use the method momentum, or give what draws a swinging body back (axis.gravity_torque, "
-            "axis.stiffness).",
-            code="no-scale",
-        )
+def _coast_down(rig: Rig, method: Method) -> UnanswerableError:
+    """The refusal of a body that turns freely, which only momentum identifies."""
+    return UnanswerableError(
+        f"rig {rig.name}: nothing but friction acts on the axis, as in a coast-down, which {method.name} does not "
+        "identify; use the method momentum, or give what draws a swinging body back (axis.gravity_torque, "
+        "axis.stiffness).",
+        code="no-scale",
+    )
 
 
 def _require_method(reference: Reference, method: Method) -> None:
@@ -306,22 +316,3 @@ def _calibrated(
     from swingid.calibration.encoders.undeclared import calibrated_by_itself
 
     return calibrated_by_itself(result, again, [log for log in logs if isinstance(log, Recording)], rig)
-
-
-def _of_one(
-    log: Log,
-    rig: Rig,
-    method: Method,
-    options: Mapping[str, object],
-    more: tuple[Finding, ...],
-    *,
-    one_of_several: bool = False,
-) -> Result:
-    """The result of one log, to whose findings `more` are added."""
-    if isinstance(log, Recording):
-        log = replace(log, findings=(*log.findings, *more)) if more else log
-        return method.identify(log, rig, options, one_of_several=one_of_several)
-    from swingid.pooling.in_parts import identify_large, require_in_parts
-
-    require_in_parts(log, method)
-    return identify_large(log, partial(method.identify, rig=rig, options=options, one_of_several=True))

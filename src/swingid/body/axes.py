@@ -19,7 +19,7 @@ from swingid.body.tables import Axes, AxisTable
 from swingid.errors import InputError
 from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.numerics.arrays import Array
-from swingid.pooling.runs import GRAVITY, constant
+from swingid.pooling.runs import GRAVITY
 from swingid.result.data import require_scale
 from swingid.result.file import load_result
 from swingid.result.result import Message, Result
@@ -47,16 +47,16 @@ class Identities:
 
     def of(self, result: Result, name: str) -> Identity:
         """The identity of each entry of a result."""
-        tare = result.provenance.get("tare")
-        run = str(tare.get("log_sha256") or tare.get("result")) if isinstance(tare, dict) else None
+        tare = result.origin.runs.get("tare")
+        run = None if tare is None else next(iter(tare.digests), tare.result)
 
         def key(entry: BudgetEntry) -> str:
             if run is not None and entry.source.endswith(TARE):
                 return f"{run}: {entry.source}"
             if entry.shared_id is None or not entry.sensitivity:
                 return f"{name}: {entry.source}"
-            value = constant(result, entry.shared_id)
-            numbered = f"{entry.shared_id} #{self._index(entry, None if value is None else value[0])}"
+            stated = result.origin.constants.get(entry.shared_id)
+            numbered = f"{entry.shared_id} #{self._index(entry, None if stated is None else stated.value)}"
             self.keys.add(numbered)
             return numbered
 
@@ -164,7 +164,7 @@ def _results(axes: Axes, results: Sequence[Result | str | Path]) -> list[Result 
         source = by_axis.get(k)
         result = None if source is None else _usable(source, axes.place(k))
         read.append(result)
-        for log in () if result is None else _logs(result):
+        for log in () if result is None else result.origin.runs.get("loaded", result.origin).digests:
             if log in logs:
                 message = f"{axes.place(k)}: result is of the same log as {logs[log]}; each axis needs its own"
                 raise InputError(message, code="same-log")
@@ -192,15 +192,6 @@ def _usable(source: Result | str | Path, place: str) -> Result:
         message = f"{place}: the inertia of {words} has no uncertainty, so it has no weight; identify the log again"
         raise InputError(message, code="no-uncertainty")
     return result
-
-
-def _logs(result: Result) -> set[str]:
-    """Hashes of the logs with the body."""
-    loaded = result.provenance.get("loaded")
-    described = loaded if isinstance(loaded, dict) else result.provenance
-    several = described.get("logs_sha256")
-    hashes = several if isinstance(several, list) else [described.get("log_sha256")]
-    return {text for text in hashes if isinstance(text, str)}
 
 
 @dataclass(frozen=True)
@@ -297,16 +288,17 @@ class _Reading:
         torque = result.parameters.get("gravity_torque")
         if torque is not None and torque.standard_uncertainty is not None:
             return _identified_torque(result, identity, name)
-        known = constant(result, GRAVITY)
+        known = result.origin.constants.get(GRAVITY)
         if known is None:
             raise InputError(
                 f'{self.axes.place(self.k)}: gravity_torque is "result", but {name} neither identifies nor states one; '
                 "write the torque in N*m, or give distance or point",
                 code="missing-key",
             )
-        value, std = known
-        entry = BudgetEntry(stated(GRAVITY, GRAVITY, std), "inertia", std, 1.0)
-        return Uncertain.of(value, std, entry.origin, identity(entry)) if std else Uncertain(value)
+        if not known.std:
+            return Uncertain(known.value)
+        entry = BudgetEntry(stated(GRAVITY, GRAVITY, known.std), "inertia", known.std, 1.0)
+        return Uncertain.of(known.value, known.std, entry.origin, identity(entry))
 
 
 def _inertia_of(result: Result, identity: Identity, name: str) -> Uncertain:

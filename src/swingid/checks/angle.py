@@ -102,7 +102,7 @@ def scale_off(evidence: Evidence, judged: Judged) -> list[Finding] | None:
         f"gravity has the shape of the sine of {plus_minus(scale.value, scale.u)} times the angle as read"
         f"{_likely(scale)}, with which "
         f"the residuals of the balance fall to {percent(scale.left / scale.plain)} and the inertia would be "
-        f"{number(scale.a11 - law.equation.carried, law.equation.unit)}: angle_unit under [log], "
+        f"{number(scale.a11 - law.equation.carried, law.equation.shown(law.equation.unit))}: angle_unit under [log], "
         "sensors.counts_per_turn or a gear between axis and encoder is wrong, or a torque that depends on the angle, "
         "as of a cable, a spring or magnets, has this shape; correct the one, or state the other."
     )

@@ -13,6 +13,7 @@ from swingid.balance.motor import MotorBalance, free_balance
 from swingid.balance.rows import Signals
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import left, number
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, is_spring, rig_terms, units_on
 from swingid.numerics.arrays import Array
@@ -80,7 +81,7 @@ def check_sign(law: WindowFit, where: str, *, live: bool = False) -> None:
         raise InputError(f"{where}: {key} has the wrong sign against the angle; {COMMISSION}", code="wrong-sign")
     sign = f"set {key}_sign = -1 under [log], or angle_sign = -1 where it is the angle's that is wrong"
     zero = 'angle_zero = "up" where 0 is the top'
-    inertia = f"(the inertia would be {law.a11:.3g} {equation.unit})"
+    inertia = f"(the inertia would be {law.a11:.3g} {equation.shown(equation.unit)})"
     raise InputError(
         f"{where}: "
         + {
@@ -175,8 +176,8 @@ def identifiability_note(law: WindowFit) -> Message:
 
 def identifiability_of(law: WindowFit) -> Identifiability:
     """Identifiability of the unknowns of a fit by its rows, with its own uncertainty of the inertia."""
-    units = units_on(linear=law.equation.linear)
-    seen = examine(law.unknowns, [units.get(name, "") for name in law.unknowns], law.columns)
+    units, equation = units_on(linear=law.equation.linear), law.equation
+    seen = examine(law.unknowns, [equation.shown(units.get(name, "")) for name in law.unknowns], law.columns)
     return seen.scaled_to(law.u)
 
 
@@ -195,8 +196,8 @@ def _hopeless(inertia: Parameter, relative: float, law: WindowFit, motion: tuple
     equation = law.equation
     if inertia.value <= 0 and not equation.seeks("gravity_torque"):
         return (
-            f"the balance gives an inertia of {inertia.value:.3g} {inertia.unit}, which is not positive; "
-            "check the signs and scales under [log] and drive.wheel.inertia."
+            f"the balance gives an inertia of {inertia.value:.3g} {equation.shown(inertia.unit)}, which is not "
+            "positive; check the signs and scales under [log] and drive.wheel.inertia."
         )
     spread = f"{100 * relative:.0f} %" if inertia.value > 0 and relative < 100 else "more than its value"
     sought = equation.sought[1:]
@@ -331,10 +332,11 @@ def free_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -
         return MotorCheck(notes=(note,))
     if stated and not (prefers == other and sure):
         return None
+    unit = Equation.of(rig).shown(inertia.unit)
     turned = inertia.value + (rig.drive.a12 if taken == "relative" else -rig.drive.a12)
     readings = (
-        f"inertia is {number(inertia.value, inertia.unit)} if the wheel's angle is {taken}, as "
-        f"{'stated' if stated else 'assumed'}, and {number(turned, inertia.unit)} if it is {other}; "
+        f"inertia is {number(inertia.value, unit)} if the wheel's angle is {taken}, as "
+        f"{'stated' if stated else 'assumed'}, and {number(turned, unit)} if it is {other}; "
     )
     if stated:
         text = f"wheel_angle seems to be {other}, not {taken}: {residuals}; the {readings}"

@@ -74,8 +74,8 @@ def check_energy(
         )
     if inertia.value <= 0:
         raise UnanswerableError(
-            f"the energy balance gives an inertia of {inertia.value:.3g} {inertia.unit}, which is not positive; check "
-            "the signs and scales under [log] and the motor's constants, or use the momentum method.",
+            f"the energy balance gives an inertia of {inertia.value:.3g} {equation.shown(inertia.unit)}, which is not "
+            "positive; check the signs and scales under [log] and the motor's constants, or use the momentum method.",
             code="not-identifiable",
         )
     alone = check.alone(answer)

@@ -117,7 +117,7 @@ def channel_late(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     key = "sensors.wheel.latency" if channel == "wheel" else "sensors.latency"
     text = (
         f"{name} is read {plus_minus(1e3 * moved, 1e3 * u, 'ms')} later than the rig file states; corrected by that, "
-        f"the inertia would be {plus_minus(law.inertia, None, equation.unit)}. State "
+        f"the inertia would be {plus_minus(law.inertia, None, equation.shown(equation.unit))}. State "
         f'{key} = "{1e3 * (sensor.latency.value + moved):.3g} ± {1e3 * u:.2g} ms", or calibrate the encoders.'
     )
     return [Finding(math.inf, text)]

@@ -43,7 +43,8 @@ def torque_computed(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     line = fit_linear(np.column_stack([log.angle, np.ones(len(log))]), log.torque)
     if float(np.std(line.residuals)) > LINEAR * float(np.std(log.torque)):
         return []
-    unit = "N/m" if evidence.law.equation.linear else "N m/rad"
+    equation = evidence.law.equation
+    unit = equation.shown("N/m" if equation.linear else "N m/rad")
     text = (
         f"the torque is the angle times {number(float(line.values[0]), unit)} to {LINEAR:.1%}, so it was computed, "
         "and is no measurement: the inertia follows from this factor and the frequency alone; log the torque itself."

@@ -7,6 +7,7 @@ from swingid.checks.momentum import MomentumCheck
 from swingid.checks.table import CONTRADICTIONS
 from swingid.errors import UnanswerableError
 from swingid.format import percent
+from swingid.model.equation import Equation
 from swingid.result.result import Parameter, Result
 
 UNDETERMINED = ("not-identifiable", "poor-fit")
@@ -23,7 +24,7 @@ def explained(error: UnanswerableError, check: MomentumCheck) -> UnanswerableErr
     return contradiction(causes[0], "is not determined") if causes else error
 
 
-def require_agreement(result: Result) -> Result:
+def require_agreement(result: Result, equation: Equation) -> Result:
     """The result. Raises UnanswerableError where what contradicts the rig file leaves no answer."""
     inertia = result.parameters.get("inertia")
     causes = [warning.message for warning in result.warnings if warning.code in CONTRADICTIONS]
@@ -32,9 +33,8 @@ def require_agreement(result: Result) -> Result:
     relative = (inertia.standard_uncertainty or 0.0) / max(abs(inertia.value), 1e-300)
     if relative <= HOPELESS:
         return result
-    raise contradiction(
-        causes[0], f"would be {inertia.value:.3g} {inertia.unit} with a standard uncertainty of {percent(relative)}"
-    )
+    value = f"{inertia.value:.3g} {equation.shown(inertia.unit)}"
+    raise contradiction(causes[0], f"would be {value} with a standard uncertainty of {percent(relative)}")
 
 
 def contradiction(cause: str, outcome: str) -> UnanswerableError:

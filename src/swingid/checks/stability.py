@@ -96,7 +96,7 @@ def impulse_fitted(evidence: Evidence, judged: Judged) -> list[Finding]:
     law = evidence.law
     if "memory" not in law.unknowns:
         return []
-    unit = f"{law.equation.torque_unit} s"
+    unit = law.equation.shown(f"{law.equation.torque_unit} s")
     text = (
         f"an impulse of {plus_minus(law.value('memory'), law.uncertainty('memory'), unit)} at each reversal was "
         "estimated beside the friction law: dynamic friction, backlash or short sticking."

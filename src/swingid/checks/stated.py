@@ -63,7 +63,7 @@ def encoders_bent(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     text = (
         "a once-per-turn nonlinearity of the encoders, which the rig file does not declare, would reduce the residuals "
         f"of the balance to {np.sqrt(after / before):.0%} and make the inertia "
-        f"{plus_minus(bent.inertia, bent.total, equation.unit)}; declare sensors.nonlinearity, such as "
+        f"{plus_minus(bent.inertia, bent.total, equation.shown(equation.unit))}; declare sensors.nonlinearity, such as "
         '"0.1 deg", or calibrate the encoders.'
     )
     return [Finding(max(abs(bent.a11 - law.a11), bent.total), text)]
@@ -122,11 +122,11 @@ def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, ri
             return []
     if free.a11 <= 0 or (stated.value and leaves_no_inertia(free)):
         return []
-    given = plus_minus(b, spread, equation.torque_unit)
+    given, unit = plus_minus(b, spread, equation.shown(equation.torque_unit)), equation.shown(equation.unit)
     if not stated.value:
         text = (
             f"the balance gives a gravity torque of {given}, but the rig file gives none; with it the inertia is "
-            f"{number(free.inertia, equation.unit)}: give "
+            f"{number(free.inertia, unit)}: give "
             'axis.gravity_torque, a number or "unknown", or the spring that acts like it.'
         )
         return [Finding(free.a11 - law.a11, text)]
@@ -134,14 +134,12 @@ def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, ri
         others = [term.term.key for term in rig_terms(rig) if term.value is not None and is_spring(term.term)]
         text = (
             f"the balance gives a gravity torque of {given}, which no body has, and with it the inertia "
-            f"{number(free.inertia, equation.unit)}: {' or '.join(others) or 'a torque of the angle that is stated'} "
+            f"{number(free.inertia, unit)}: {' or '.join(others) or 'a torque of the angle that is stated'} "
             "is too large, or the sign of the drive is wrong; correct it, or state it with its uncertainty."
         )
         return [Finding(free.a11 - law.a11, text)]
     drive = "log.torque_gain" if "torque" in equation.coefficients else "drive.wheel.inertia (with rotor and gear)"
-    by_drive, by_gravity = (
-        number(a11 - equation.carried, equation.unit) for a11 in (free.a11, free.a11 * stated.value / b)
-    )
+    by_drive, by_gravity = (number(a11 - equation.carried, unit) for a11 in (free.a11, free.a11 * stated.value / b))
     text = (
         f"the balance gives a gravity torque of {given}, "
         f"{_against(b / stated.value)} axis.gravity_torque: one of {drive}, "

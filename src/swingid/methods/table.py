@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -52,13 +50,22 @@ class Method:
     online: bool = False
 
     def identify(
-        self, log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool = False
+        self,
+        log: Recording,
+        rig: Rig,
+        options: Mapping[str, object],
+        *,
+        one_of_several: bool = False,
+        momentum: Answers | None = None,
     ) -> Result:
-        """Prepare the log and identify it; errors as in `Load`. one_of_several: of logs of one body."""
+        """Prepare the log and identify it; errors as in `Load`.
+
+        one_of_several: of logs of one body. momentum: its answers, kept where other methods are asked as well.
+        """
         from swingid.checks.refusal import explained
 
-        is_default = self.name == DEFAULT
-        check = _momentum_of(log, rig, options if is_default else {}, one_of_several=one_of_several)
+        is_default, momentum = self.name == DEFAULT, momentum or Answers()
+        check = momentum.of(log, rig, options if is_default else {}, one_of_several=one_of_several)
         try:
             return check.result() if is_default else _agreed(self.load(), check, **options)
         except UnanswerableError as error:
@@ -95,7 +102,7 @@ def _agreed(method: Callable[..., Result], check: MomentumCheck, **options: obje
     if result.details is not None:
         ran = [*result.details.checks, *(["signs"] if check.evidence is not None else [])]  # by momentum
         result = replace(result, details=replace(result.details, checks=in_order(ran)))
-    return result if check.read.one_of_several else require_agreement(result)
+    return result if check.read.one_of_several else require_agreement(result, check.read.equation)
 
 
 class _Kept(NamedTuple):
@@ -107,40 +114,32 @@ class _Kept(NamedTuple):
     check: MomentumCheck
 
 
-_kept: ContextVar[list[_Kept] | None] = ContextVar("answers of momentum", default=None)
+class Answers:
+    """Momentum's answers to a log, with which all methods are compared; each is made once, on first use."""
 
+    def __init__(self) -> None:
+        self._kept: list[_Kept] = []
 
-@contextmanager
-def one_momentum() -> Iterator[None]:
-    """Within the block all methods are compared with the same answer of momentum to a log, made once."""
-    token = _kept.set([])
-    try:
-        yield
-    finally:
-        _kept.reset(token)
+    def forget(self) -> None:
+        """Make the answers anew."""
+        self._kept.clear()
 
+    def of(
+        self, log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool = False
+    ) -> MomentumCheck:
+        """Momentum's answer with these options; one with the default options is kept until another log is asked for."""
+        from swingid.checks.momentum import MomentumCheck
+        from swingid.preparation.prepared import prepare
 
-def forget_momentum() -> None:
-    """Make the answers of `one_momentum` anew."""
-    (_kept.get() or []).clear()
-
-
-def _momentum_of(log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool) -> MomentumCheck:
-    """Momentum's answer with these options, computed on first use; within `one_momentum` one for all methods."""
-    from swingid.checks.momentum import MomentumCheck
-    from swingid.preparation.prepared import prepare
-
-    kept = None if options else _kept.get()
-    for entry in kept or ():
-        if entry.log is log and entry.rig == rig and entry.one_of_several == one_of_several:
-            return entry.check
-    method = METHODS[DEFAULT].load()
-    prepared = prepare(log, rig, one_of_several=one_of_several)
-    check = MomentumCheck(prepared, partial(_agreed, method), options)
-    if kept is not None:
-        kept[:] = [entry for entry in kept if entry.log is log]  # logs come one after the other
-        kept.append(_Kept(log, rig, one_of_several, check))
-    return check
+        for entry in () if options else self._kept:
+            if entry.log is log and entry.rig == rig and entry.one_of_several == one_of_several:
+                return entry.check
+        prepared = prepare(log, rig, one_of_several=one_of_several)
+        check = MomentumCheck(prepared, partial(_agreed, METHODS[DEFAULT].load()), options)
+        if not options:
+            self._kept = [entry for entry in self._kept if entry.log is log]  # logs come one after the other
+            self._kept.append(_Kept(log, rig, one_of_several, check))
+        return check
 
 
 def _momentum() -> Callable[..., Result]:

@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
-from swingid.errors import SwingidError
 from swingid.model.rig import Rig
 from swingid.preparation.reference import Reference
 from swingid.result.provenance import constants, of_rig
-from swingid.result.ratios import Scaling, converted, in_words, ratios_of, transformed
+from swingid.result.ratios import Scaling, converted, ratios_of, transformed
 from swingid.result.result import Message, Result
 
 SCALE_NOTES = {"scale-from-gravity", "scale-from-spring"}
 """Codes of notes that name what the inertia is proportional to, which is nothing to say of ratios."""
-
-
-@contextmanager
-def in_units_of(reference: Reference) -> Iterator[None]:
-    """Errors that are raised within get their numbers in kg and N named as multiples of the unit."""
-    try:
-        yield
-    except SwingidError as error:
-        (message,) = in_words((Message(error.code, error.message),), reference.name, reference.unit)
-        raise error.reworded(message.message) from None
 
 
 def unscaled(result: Result, reference: Reference, rig: Rig) -> Result:
@@ -34,14 +21,12 @@ def unscaled(result: Result, reference: Reference, rig: Rig) -> Result:
     name, by = reference.name, reference.scaled_by
     ratios = ratios_of(result, name, by)
     scaled = transformed(result, ratios)
-    unit = reference.unit
     leading = next(ratio for ratio in ratios if "inertia" in ratio.powers)
     notes = tuple(note for note in result.notes if note.code not in SCALE_NOTES)
     return replace(
         scaled,
         ratios=by is None,
-        warnings=in_words(result.warnings, name, unit),
-        notes=(*in_words(notes, name, unit), _note(reference, rig)),
+        notes=(*notes, _note(reference, rig)),
         details=converted(result.details, leading, result.parameters, _torque(result, by)),
         provenance=result.provenance | of_rig(rig) | {"constants": constants(rig)},
         per_log=tuple(unscaled(of_log, reference, rig) for of_log in result.per_log),

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from swingid.format import time_power
+from swingid.format import pretty_unit, time_power
 from swingid.model.parameters import AXIS_TILT, WHEEL_TILT
-from swingid.model.terms import NAMED, TERMS, RigTerm, gravity_term, motor_terms, rig_terms, stated_at
+from swingid.model.terms import NAMED, TERMS, RigTerm, gravity_term, motor_terms, name_of, rig_terms, stated_at
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
@@ -39,6 +39,9 @@ TIME_POWERS = {
     if power
 }
 """Constants whose unit has a power of the time, with it."""
+
+OF_FORCE = ("kg m^2", "kg", "N m/rad", "N m s^2", "N m s", "N m", "N/m", "N s/m", "N s", "N")
+"""Units in which sentences have inertias, torques, forces and their slopes."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,7 @@ class Equation:
     beside: what of that inertia is not the body's, J2 + Jr of a wheel, N² Jr of a motor on the axis. constants: those
     that the coefficients are made of. terms: by name those whose regressor is in the registry, gravity first: springs,
     cogging, the rig's own friction, a motor on the axis. channel: of a log, by which a drive acts; None of a free axis.
+    reference: key of the constant that is 1 because nothing sets the scale, as of the Rig.
     """
 
     coefficients: Mapping[str, Coefficient]
@@ -81,6 +85,7 @@ class Equation:
     linear: bool
     channel: str | None
     terms: Mapping[str, RigTerm] = field(default_factory=dict)
+    reference: str = ""
 
     @cached_property
     def sought(self) -> tuple[str, ...]:
@@ -155,13 +160,28 @@ class Equation:
         """Unit of friction torque or force."""
         return "N" if self.linear else "N m"
 
+    def shown(self, unit: str) -> str:
+        """A unit as sentences have it: a multiple of the constant that is 1, where nothing sets the scale."""
+        if not self.reference or unit not in OF_FORCE:
+            return unit
+        power = time_power(unit) - TIME_POWERS.get(self.reference, 0)
+        seconds = {0: "", 1: "s"}.get(int(power), f"s^{power:g}")
+        return pretty_unit(f"{seconds} × {name_of(self.reference)}")
+
     @classmethod
     def of(cls, rig: Rig) -> Equation:
         """The equation of a rig, whether or not anything in it sets the scale (see `preparation.scale.equation_of`)."""
         building = _Building(rig)
         terms = {term.name: term for term in (gravity_term(rig), *rig_terms(rig), *motor_terms(rig))}
-        linear = rig.axis.kind == "linear"
-        return cls(building.coefficients, building.beside, tuple(building.constants), linear, rig.drive.channel, terms)
+        return cls(
+            building.coefficients,
+            building.beside,
+            tuple(building.constants),
+            rig.axis.kind == "linear",
+            rig.drive.channel,
+            terms,
+            rig.reference,
+        )
 
 
 class _Building:

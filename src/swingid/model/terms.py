@@ -197,6 +197,11 @@ def units_on(*, linear: bool) -> dict[str, str]:
     return {name: term.unit_on(linear=linear) for name, term in TERMS.items()}
 
 
+def name_of(key: str) -> str:
+    """Name of the constant at a key of rig.toml."""
+    return next((name for name, term in TERMS.items() if term.key == key), key.rpartition(".")[2])
+
+
 def power_of(name: str) -> float:
     """Power of the speed that a coefficient stands before; that of the two-sided one for one of a direction."""
     term = TERMS[name if TERMS[name].power is not None else name.partition("_")[0]]

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from swingid.balance.identifiability import HOPELESS
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import plus_minus
 from swingid.pooling.known_body import Found, calibrated, scaled_by_body
 from swingid.pooling.runs import Runs
+from swingid.result.provenance import exact_constants
 from swingid.result.result import Message, Result
 from swingid.result.sources import is_correlated
 from swingid.uncertainty.budget import Parameter, correlation_of, stated
 from swingid.uncertainty.uncertain import Uncertain, covariance
 from swingid.units import Quantity, parse_quantity
-
-HOPELESS = 0.3
-"""Relative standard uncertainty above which the difference is refused."""
 
 GRAVITY_TORQUE = "gravity_torque"
 
@@ -78,7 +77,7 @@ def difference(
         values = {**scaled, "inertia": (target, "kg m^2")}
         return _result(runs, values, (), [*words, *_exact(known=what), *runs.notes], options)
     body = _body(runs, mass, distance)
-    with_gravity = all(GRAVITY_TORQUE in result.parameters for result in (runs.tare, runs.loaded))
+    with_gravity = all(GRAVITY_TORQUE in result.parameters for result in runs.each)
     first, second = runs.values("inertia", *([GRAVITY_TORQUE] if with_gravity else []))
     about_axis = second["inertia"] - first["inertia"]
     _require_seen(about_axis, runs, calibrating=known is not None)
@@ -108,11 +107,11 @@ def _result(
     unsure = {
         name
         for name in values
-        for run in (runs.tare, runs.loaded)
+        for run in runs.each
         if (stated := run.parameters.get(renamed.get(name, name))) is not None and stated.standard_uncertainty is None
     }
     known = [name for name in values if name not in unsure]
-    if not all(is_correlated(run, ("inertia", GRAVITY_TORQUE)) for run in (runs.tare, runs.loaded) if not run.ratios):
+    if not all(is_correlated(run, ("inertia", GRAVITY_TORQUE)) for run in runs.each if not run.ratios):
         known = [name for name in known if name != GRAVITY_TORQUE]
     warnings = [*_of_runs(runs), *doubts]
     return Result(
@@ -201,7 +200,7 @@ def _of_runs(runs: Runs) -> list[Message]:
     """The warnings of both runs, each with the name of its run."""
     return [
         Message(m.code, f"{name}: {m.message}", m.kind)
-        for result, name in zip((runs.tare, runs.loaded), runs.names, strict=True)
+        for result, name in zip(runs.each, runs.names, strict=True)
         for m in result.warnings
     ]
 
@@ -209,20 +208,18 @@ def _of_runs(runs: Runs) -> list[Message]:
 def _exact_in(runs: Runs) -> list[Message]:
     """Which constants of the rig the two runs took as exact."""
     codes = ("exact-constants", "no-uncertainty-inertia")
-    return list(dict.fromkeys(m for result in (runs.tare, runs.loaded) for m in result.notes if m.code in codes))
+    return list(dict.fromkeys(m for result in runs.each for m in result.notes if m.code in codes))
 
 
 def _exact(**given: Quantity | None) -> list[Message]:
     names = [name for name, quantity in given.items() if quantity is not None and not quantity.std]
-    if not names:
-        return []
-    return [Message("exact-constants", f"taken as exact, because no uncertainty was given: {', '.join(names)}.")]
+    return exact_constants(names, "no uncertainty was given")
 
 
 def _provenance(runs: Runs, options: Mapping[str, GIVEN | None]) -> dict[str, object]:
     kept = ("log", "log_sha256", "logs", "logs_sha256", "rig", "rig_source", "rig_sha256")
     provenance: dict[str, object] = {}
-    for role, result, name in zip(("tare", "loaded"), (runs.tare, runs.loaded), runs.names, strict=True):
+    for role, result, name in zip(("tare", "loaded"), runs.each, runs.names, strict=True):
         provenance[role] = {"result": name} | {key: result.provenance[key] for key in kept if key in result.provenance}
     return provenance | {
         "method": runs.tare.method,

@@ -20,7 +20,7 @@ from swingid.errors import InputError, SwingidError, UsageError
 from swingid.methods.table import METHODS, Method
 from swingid.numerics.arrays import median, quantile
 from swingid.pooling.parts import Part, combine_parts
-from swingid.pooling.runs import GRAVITY, constant
+from swingid.pooling.runs import GRAVITY
 from swingid.processes import cores, forks, interruption_waits, worker_pool
 from swingid.recording.large import LARGE, LargeLog
 from swingid.recording.recording import Recording
@@ -143,8 +143,8 @@ def _smear(log: Recording, result: Result) -> float:
     peak = quantile(np.abs(np.diff(log.angle) / steps), 0.99)
     frequency = 2 * peak / max(float(np.ptp(log.angle)), 1e-300)
     width = median(steps)
-    gravity, known = result.parameters.get("gravity_torque"), constant(result, GRAVITY)
-    b = gravity.value if gravity is not None else known[0] if known is not None else 0.0
+    gravity, known = result.parameters.get("gravity_torque"), result.origin.constants.get(GRAVITY)
+    b = gravity.value if gravity is not None else known.value if known is not None else 0.0
     size = peak if b else frequency  # without gravity the motion's size is none in angles
     share = abs(b) / max(abs(result.inertia.value) * frequency**2, 1e-300)
     return (size * width) ** 2 / 24 * max(1.0, share)

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from swingid.balance.identifiability import HOPELESS
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import percent
 from swingid.model.terms import TERMS
-from swingid.pooling.runs import GRAVITY, Runs, constant
+from swingid.pooling.runs import GRAVITY, Runs
 from swingid.result.data import TARE
 from swingid.result.result import Message
 from swingid.uncertainty.freedom import COVERAGE_FACTOR
@@ -27,9 +28,6 @@ GROWS = {"suspension_stiffness": "the stiffness of strings grows with the mass t
 """Constants that a body changes by being there, and what to do."""
 
 WEIGHED = "gravity_torque"
-
-HOPELESS = 0.3
-"""Relative standard uncertainty of the difference above which it gives no scale."""
 
 WEAK = 1e-3
 """A body whose difference depends on the scale by less than this share of itself calibrates nothing."""
@@ -161,19 +159,20 @@ def _size_of(lever: Lever, delta: Uncertain) -> tuple[list[Message], list[Messag
 
 def find_lever(runs: Runs) -> Lever:
     """The scale reference of both runs."""
+    constants = runs.tare.origin.constants
     for key, words in LEVERS.items():
-        pair, known = _slopes(runs, key), constant(runs.tare, key)
-        if pair is None or known is None or not known[0] or (key == GRAVITY and key in runs.apart):
+        pair, known = _slopes(runs, key), constants.get(key)
+        if pair is None or known is None or not known.value or (key == GRAVITY and key in runs.apart):
             continue
-        stated = Quantity(*known).uncertain(key)
+        stated = known.uncertain(key)
         size = stated.value
         if key == TORQUE:
-            stated *= Quantity(*(constant(runs.tare, EFFICIENCY) or (1.0,))).uncertain(EFFICIENCY)
+            stated *= constants.get(EFFICIENCY, Quantity(1.0)).uncertain(EFFICIENCY)
         elif key == WHEEL:
-            rotor, gear = constant(runs.tare, ROTOR) or (0.0,), constant(runs.tare, GEAR) or (1.0,)
-            stated += Quantity(*gear).uncertain(GEAR) * Quantity(*rotor).uncertain(ROTOR)
+            rotor, gear = constants.get(ROTOR, Quantity(0.0)), constants.get(GEAR, Quantity(1.0))
+            stated += gear.uncertain(GEAR) * rotor.uncertain(ROTOR)
             size = stated.value
-        return Lever(key, *words, known[0], size, (size * pair[0], size * pair[1]), stated.u / stated.value)
+        return Lever(key, *words, known.value, size, (size * pair[0], size * pair[1]), stated.u / stated.value)
     raise UnanswerableError(
         f"{runs.names[0]} and {runs.names[1]} do not state their scale reference, so a known body calibrates nothing; "
         "identify both again, with an uncertainty of drive.wheel.inertia in the rig file.",
@@ -184,7 +183,7 @@ def find_lever(runs: Runs) -> Lever:
 def _slopes(runs: Runs, key: str) -> tuple[float, float] | None:
     """Change of the inertia of each run per unit of a constant; None where one has none."""
     slopes = []
-    for result in (runs.tare, runs.loaded):
+    for result in runs.each:
         slope = result.sensitivities.get(key)
         for entry in result.budget:
             if slope is None and entry.parameter == "inertia" and entry.shared_id == key:

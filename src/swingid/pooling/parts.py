@@ -12,7 +12,7 @@ from swingid.errors import SwingidError
 from swingid.format import percent
 from swingid.pooling.joint import PAIR, Common, Pairs, estimates_of, outlying_pair
 from swingid.pooling.pooling import outliers, pool
-from swingid.pooling.several import SINGLE, conditioning
+from swingid.pooling.several import SHARED_STAY, SINGLE, conditioning, scatter_of
 from swingid.result.result import Details, Message, Result, SwingSeries
 from swingid.uncertainty.budget import Evaluated, systematic
 from swingid.uncertainty.uncertain import Uncertain, weighted_sum
@@ -153,8 +153,8 @@ def _inconsistent(kept: Sequence[tuple[Part, Result]], pairs: Pairs | None) -> l
     if not named:
         return []
     listed = ", ".join(
-        f"{kept[d.log * size][0].start:.6g} s to {kept[: (d.log + 1) * size][-1][0].stop:.6g} s "
-        f"({percent(d.value / (estimates[d.log].value - d.value), sign=True)})"
+        f"{kept[d.index * size][0].start:.6g} s to {kept[: (d.index + 1) * size][-1][0].stop:.6g} s "
+        f"({percent(d.value / (estimates[d.index].value - d.value), sign=True)})"
         for d in named[:5]
     )
     more = f" and {len(named) - 5} more" if len(named) > 5 else ""
@@ -174,12 +174,8 @@ def _note(parts: Sequence[Part], kept: Sequence[tuple[Part, Result]], joined: Co
         lengths = f"{blocks[0]}" if len(blocks) == 1 else f"{blocks[0]} to {blocks[-1]}"
         text += f"; {lengths} rows were averaged into one, which shortens no swing to less than 300 of them"
     if joined is not None and len(kept) > 1:
-        inertia = joined.pooled["inertia"]
-        scatter = "no scatter between the parts beyond that within them"
-        if inertia.between > 0:
-            scatter = f"scatter between the parts {percent(inertia.between / abs(inertia.estimate.value))}"
-        text += f"; {scatter}"
-    return Message("read-in-parts", f"{text}; sources that the parts share do not average out.")
+        text += f"; {scatter_of(joined.pooled['inertia'], 'parts')}"
+    return Message("read-in-parts", f"{text}; {SHARED_STAY.format('parts')}")
 
 
 def _without(parts: Sequence[Part]) -> list[Message]:

@@ -13,8 +13,8 @@ three logs hardly determine τ: where its estimate is 0 by chance, the interval 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -111,35 +111,43 @@ def _between(values: Array, variances: Array, whole: Array) -> float:
 
 @dataclass(frozen=True)
 class Deviation:
-    """Log number `log` less the pooled value of the others, its standard uncertainty; `beyond`: it is significant."""
+    """One of several values, by its number, less what the others give, and the standard uncertainty of that."""
 
-    log: int
+    index: int
     value: float
     u: float
-    beyond: bool
+
+    @classmethod
+    def of(cls, index: int, value: Uncertain, predicted: Uncertain) -> Deviation:
+        """A value less what the others predict: common sources cancel, but for the rounding of the value."""
+        gap = value - predicted
+        return cls(index, gap.value, math.hypot(gap.u, 1e-9 * abs(value.value)))
 
     @property
     def normalised(self) -> float:
-        """E_n of ISO 13528 (9.7) and ISO/IEC 17043: the deviation over its expanded uncertainty, k = 2."""
-        return self.value / (2 * self.u) if self.u > 0 else math.copysign(math.inf, self.value)
+        """In standard uncertainties; half of it is E_n of ISO 13528 (9.7) and ISO/IEC 17043, with k = 2."""
+        return self.value / self.u if self.u else math.copysign(math.inf, self.value)
+
+
+def worst_beyond_chance(tested: Iterable[Deviation | None]) -> Deviation | None:
+    """The deviation that is largest, where it is beyond chance: one false finding in a hundred of such families."""
+    known = [deviation for deviation in tested if deviation is not None]
+    if not known:
+        return None
+    worst = max(known, key=lambda deviation: abs(deviation.normalised))
+    return worst if abs(worst.normalised) > family_level(len(known)) else None
 
 
 def deviations(estimates: Sequence[Uncertain]) -> list[Deviation]:
-    """Each log against the pooled value of the others (leave one out), common sources cancelled.
+    """Each log against the pooled value of the others (leave one out).
 
     The uncertainties are without the scatter between logs, which is tested here.
     """
-    if len(estimates) < 2:
-        return []
-    limit = family_level(len(estimates))
-    gaps = []
+    each = []
     for k, estimate in enumerate(estimates):
         others = [other for j, other in enumerate(estimates) if j != k]
-        gap = estimate - weighted_sum(others, pool(others).weights)
-        floor = 1e-9 * abs(estimate.value)
-        u = math.hypot(gap.u, floor)
-        gaps.append(Deviation(k, gap.value, u, abs(gap.value) > limit * u))
-    return gaps
+        each.append(Deviation.of(k, estimate, weighted_sum(others, pool(others).weights)))
+    return each
 
 
 def outliers(estimates: Sequence[Uncertain]) -> list[Deviation]:
@@ -150,12 +158,10 @@ def outliers(estimates: Sequence[Uncertain]) -> list[Deviation]:
     remaining = list(range(len(estimates)))
     named: list[Deviation] = []
     while len(remaining) > 1:
-        tested = deviations([estimates[k] for k in remaining])
-        worst = max(tested, key=lambda d: abs(d.normalised))
-        if not worst.beyond:
+        worst = worst_beyond_chance(deviations([estimates[k] for k in remaining]))
+        if worst is None:
             break
         if len(remaining) == 2 or len(named) + 1 >= math.ceil(len(estimates) / 2):
             return deviations(estimates)
-        named.append(Deviation(remaining[worst.log], worst.value, worst.u, True))
-        remaining.remove(remaining[worst.log])
+        named.append(replace(worst, index=remaining.pop(worst.index)))
     return named

@@ -44,7 +44,7 @@ class Runs:
         """Parameters of both runs; shared constants have one identity, everything else two."""
         tare, loaded = (
             replace(result, budget=tuple(self._labelled(entry, run) for entry in result.budget))
-            for result, run in ((self.tare, "tare"), (self.loaded, "loaded"))
+            for result, run in zip(self.each, ("tare", "loaded"), strict=True)
         )
         return values_of(tare, names), values_of(loaded, names)
 
@@ -56,6 +56,11 @@ class Runs:
         if shared is not None and shared not in self.apart and entry.sensitivity is not None:
             return entry
         return replace(entry, origin=replace(entry.origin, name=f"{entry.source} ({run})", shared_id=None))
+
+    @property
+    def each(self) -> tuple[Result, Result]:
+        """Both results, that without the body first."""
+        return self.tare, self.loaded
 
     @property
     def unit(self) -> str:
@@ -83,27 +88,10 @@ def _require_same(tare: Result, loaded: Result, names: tuple[str, str], *, ratio
             f"{names[0]} gives {units[0]} and {names[1]} gives {units[1]}; both must be of one kind of axis.",
             code="different-units",
         )
-    if names[0] == names[1] or _logs(tare) & _logs(loaded):
+    if names[0] == names[1] or set(tare.origin.digests) & set(loaded.origin.digests):
         raise InputError(
             f"{names[0]} and {names[1]} are of the same log; the body was in one of the runs only.", code="same-log"
         )
-
-
-def _logs(result: Result) -> set[str]:
-    """Hashes of the logs of a result, of one or several."""
-    several = result.provenance.get("logs_sha256")
-    hashes = several if isinstance(several, list) else [result.provenance.get("log_sha256")]
-    return {text for text in hashes if isinstance(text, str)}
-
-
-def constant(result: Result, key: str) -> tuple[float, float] | None:
-    """Value and standard uncertainty (0: exact) of a constant of the rig, None where the result has none."""
-    constants = result.provenance.get("constants")
-    entry = constants.get(key) if isinstance(constants, dict) else None
-    if not isinstance(entry, dict) or not isinstance(entry.get("value"), int | float):
-        return None
-    std = entry.get("std")
-    return float(entry["value"]), float(std) if isinstance(std, int | float) else 0.0
 
 
 def _constants_apart(tare: Result, loaded: Result, names: tuple[str, str]) -> tuple[set[str], list[Message]]:
@@ -115,21 +103,21 @@ def _constants_apart(tare: Result, loaded: Result, names: tuple[str, str]) -> tu
     apart: set[str] = set()
     notes: list[Message] = []
     for key in keys:
-        first, second = constant(tare, key), constant(loaded, key)
-        if first is not None and second is not None and key != GRAVITY and not _alike(first[0], second[0]):
+        first, second = (result.origin.constants.get(key) for result in (tare, loaded))
+        if first is not None and second is not None and key != GRAVITY and not _alike(first.value, second.value):
             raise InputError(
-                f"{names[0]} and {names[1]} were identified with different rigs: {key} is {first[0]:.6g} and "
-                f"{second[0]:.6g}; identify both with the same constants.",
+                f"{names[0]} and {names[1]} were identified with different rigs: {key} is {first.value:.6g} and "
+                f"{second.value:.6g}; identify both with the same constants.",
                 code="different-rigs",
             )
         spreads = [_deviations(result).get(key) for result in (tare, loaded)]
-        same_value = first is None or second is None or _alike(first[0], second[0])
+        same_value = first is None or second is None or _alike(first.value, second.value)
         if None not in spreads and not (same_value and _alike(*spreads)):  # type: ignore[arg-type]
             apart.add(key)
     if GRAVITY in apart:
         text = f"{GRAVITY} is another one with the body, and its two uncertainties count as independent."
         notes.append(Message("gravity-of-each-run", text))
-    elif (b := constant(tare, GRAVITY)) is not None and b == constant(loaded, GRAVITY) and b[0] != 0:
+    elif (b := tare.origin.constants.get(GRAVITY)) and b == loaded.origin.constants.get(GRAVITY) and b.value != 0:
         text = f"both runs have the same {GRAVITY}, as if the body's centre were on the axis; if not, correct the rig."
         notes.append(Message("gravity-unchanged", text))
     others = sorted(apart - {GRAVITY})

@@ -95,9 +95,11 @@ def selected(log: Log, span: Span) -> Log:
 
 def decays_of(log: Recording, spans: Sequence[Span]) -> dict[str, Recording]:
     """The parts of a log that were found, by name; their ends are still to be chosen."""
-    return {
-        _text(*span): replace(part, selected=False) for span, part in zip(spans, each_part([log], spans), strict=True)
-    }
+    return {name: replace(part, selected=False) for name, part in _by_part(log, spans).items()}
+
+
+def _by_part(log: Log, spans: Sequence[Span]) -> dict[str, Recording]:
+    return {_text(*span): part for span, part in zip(spans, each_part([log], spans), strict=True)}
 
 
 def in_parts(log: Logs, spans: Sequence[Span]) -> Log | dict[str, Log | SwingidError]:
@@ -108,9 +110,7 @@ def in_parts(log: Logs, spans: Sequence[Span]) -> Log | dict[str, Log | SwingidE
     from swingid.pooling.several import logs_by_name
 
     if isinstance(log, Recording | LargeLog):
-        if len(spans) == 1:
-            return selected(log, spans[0])
-        return {_text(*span): part for span, part in zip(spans, each_part([log], spans), strict=True)}
+        return selected(log, spans[0]) if len(spans) == 1 else dict(_by_part(log, spans))
     by_name: dict[str, Log | SwingidError] = {}
     for name, each in logs_by_name(log).items():
         if isinstance(each, SwingidError):
@@ -118,9 +118,7 @@ def in_parts(log: Logs, spans: Sequence[Span]) -> Log | dict[str, Log | SwingidE
         elif len(spans) == 1:
             by_name[name] = selected(each, spans[0])
         else:
-            by_name |= {
-                f"{name} {_text(*span)}": rows for span, rows in zip(spans, each_part([each], spans), strict=True)
-            }
+            by_name |= {f"{name} {part}": rows for part, rows in _by_part(each, spans).items()}
     return by_name
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 
+from swingid.balance.identifiability import HOPELESS
 from swingid.errors import NotIdentifiableError, SwingidError, UnanswerableError, UsageError
 from swingid.format import percent, plus_minus
 from swingid.pooling.joint import PAIR, Common, Pairs, estimates_of, given_by_all, outlying_pair
@@ -21,14 +22,15 @@ from swingid.uncertainty.uncertain import Uncertain
 
 Log = Recording | LargeLog
 Identify = Callable[[Log], Result]
+Shown = Callable[[str], str]
 
 FRICTION = ("per-log", "shared")
 
 SINGLE = {Kind.NOT_IDENTIFIABLE, Kind.GRAVITY_AND_INERTIA}
 """Warnings of a single log that do not hold for several logs together."""
 
-HOPELESS, HARDLY = 0.3, 0.02
-"""Relative uncertainty (type A) above which inertia and gravity torque are not distinguishable; above which hardly."""
+HARDLY = 0.02
+"""Relative uncertainty (type A) above which inertia and gravity torque are hardly distinguishable."""
 
 
 def identify_several(
@@ -36,12 +38,14 @@ def identify_several(
     identify_one: Identify,
     *,
     friction: str = "per-log",
+    shown: Shown = str,
 ) -> Result:
     """One result from several logs of one body on one rig, with the ordinary results in `per_log`.
 
     logs: recordings, in a list (then called by their files) or by name; an error in the place of one that could not
     be read. One alone gives its ordinary result. identify_one: from a recording to its result. friction: "per-log"
-    (each result keeps its own; a note says whether they agree) or "shared" (pooled like the inertia).
+    (each result keeps its own; a note says whether they agree) or "shared" (pooled like the inertia). shown: from a
+    unit to how sentences have it.
 
     Raises UsageError for no log, a log given twice or an unknown choice of friction; where every log is refused, the
     error of the first.
@@ -66,10 +70,12 @@ def identify_several(
             results.append(refusal("", error, source))
     if len(errors) == len(results):
         raise errors[0]
-    return results[0] if len(results) == 1 else combine(results, _short(list(by_name)), friction=friction)
+    return results[0] if len(results) == 1 else combine(results, _short(list(by_name)), friction=friction, shown=shown)
 
 
-def combine(results: Sequence[Result], names: Sequence[str], *, friction: str = "per-log") -> Result:
+def combine(
+    results: Sequence[Result], names: Sequence[str], *, friction: str = "per-log", shown: Shown = str
+) -> Result:
     """The common estimate of results of one method and rig, of which at least one has a number.
 
     Raises UnanswerableError where even together they do not distinguish inertia from gravity torque.
@@ -95,7 +101,7 @@ def combine(results: Sequence[Result], names: Sequence[str], *, friction: str = 
         undetermined(sound[0])
         common, notes = sound[0], [Message("several-logs", f"{called[0]} alone has a weight, so nothing was pooled.")]
     else:
-        common, messages, notes = _pooled(sound, called, friction)
+        common, messages, notes = _pooled(sound, called, friction, shown)
     warnings += [*of_logs(sound, called, settled=bool(common.covariance_of_fit) and len(sound) > 1), *messages]
     notes += [note for note in sound[0].notes if all(note in other.notes for other in sound[1:])]
     return replace(
@@ -110,7 +116,7 @@ def combine(results: Sequence[Result], names: Sequence[str], *, friction: str = 
 
 
 def _pooled(
-    results: Sequence[Result], names: Sequence[str], friction: str
+    results: Sequence[Result], names: Sequence[str], friction: str, shown: Shown
 ) -> tuple[Result, list[Message], list[Message]]:
     """The common parameters with their budget; warnings and notes on how the logs agree."""
     shared = Common.of(results, range(len(results)) if friction == "shared" else ())
@@ -119,13 +125,13 @@ def _pooled(
     if shared.pairs is not None:
         warnings += [*conditioning(common.inertia, common.budget), *pair_disagreement(shared.pairs, names)]
     checked = {name: each for name, each in shared.estimates.items() if shared.pairs is None or name not in PAIR}
-    texts = _disagreements(checked, names, common.parameters)
+    texts = _disagreements(checked, names, common.parameters, shown)
     warnings += [Message("logs-disagree", text) for text in texts]
-    digests = {result.provenance.get("log_sha256") for result in results}
+    digests = {result.origin.digests for result in results}
     alike = "parts" if len(digests) == 1 and all(digests) else "logs"
     notes = [_pooling_note(pooled["inertia"], names, alike, joint=shared.pairs is not None)]
     if friction == "per-log":
-        notes.append(_friction_note(results, names, alike))
+        notes.append(_friction_note(results, names, alike, shown))
     else:
         notes.append(_shared_friction_note(results, pooled))
     return common, warnings, notes
@@ -205,18 +211,13 @@ def conditioning(inertia: Parameter, budget: Sequence[BudgetEntry]) -> list[Mess
     """Return whether the logs together distinguish inertia from gravity torque."""
     scatter = sum(e.standard_uncertainty**2 for e in budget if e.parameter == "inertia" and e.type == "A") ** 0.5
     relative = scatter / max(abs(inertia.value), 1e-300)
+    advice = "or give axis.gravity_torque."
     if inertia.value <= 0 or relative > HOPELESS:
-        raise UnanswerableError(
-            "inertia and gravity torque are collinear in all these logs; add one of another frequency, "
-            "or give axis.gravity_torque.",
-            code="not-identifiable",
-        )
+        text = f"inertia and gravity torque are collinear in all these logs; add one of another frequency, {advice}"
+        raise UnanswerableError(text, code="not-identifiable")
     if relative <= HARDLY:
         return []
-    text = (
-        "inertia and gravity torque are hardly distinguishable in these logs; add one of another frequency "
-        "or give axis.gravity_torque."
-    )
+    text = f"inertia and gravity torque are hardly distinguishable in these logs; add one of another frequency {advice}"
     return [Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA)]
 
 
@@ -233,10 +234,14 @@ def pair_disagreement(pairs: Pairs, names: Sequence[str]) -> list[Message]:
 
 
 def _disagreements(
-    estimates: Mapping[str, list[Uncertain]], names: Sequence[str], parameters: Mapping[str, Parameter]
+    estimates: Mapping[str, list[Uncertain]],
+    names: Sequence[str],
+    parameters: Mapping[str, Parameter],
+    shown: Shown,
 ) -> list[str]:
     """One sentence for each parameter in which logs disagree with the rest."""
-    disagreements = [_disagreement(name, each, names, parameters[name].unit) for name, each in estimates.items()]
+    units = {name: shown(parameter.unit) for name, parameter in parameters.items()}
+    disagreements = [_disagreement(name, each, names, units[name]) for name, each in estimates.items()]
     return [text for text in disagreements if text]
 
 
@@ -248,7 +253,7 @@ def _disagreement(parameter: str, estimates: list[Uncertain], names: Sequence[st
     advice = "the uncertainty of the common value contains the scatter; check what differs between these runs"
     if len(named) == len(estimates) == 2:
         first, second = (plus_minus(e.value, e.u, unit) for e in estimates)
-        gap = abs(named[0].normalised)
+        gap = abs(named[0].normalised / 2)
         return (
             f"{names[0]} and {names[1]} disagree in {parameter}: {first} and {second}, En = {gap:.2g}, more than their "
             f"intervals allow; {advice}."
@@ -258,8 +263,8 @@ def _disagreement(parameter: str, estimates: list[Uncertain], names: Sequence[st
         spread = percent((max(values) - min(values)) / abs(sum(values) / len(values)))
         return f"the logs disagree in {parameter} by up to {spread} and no majority of them agrees; {advice}."
     listed = ", ".join(
-        f"{names[d.log]} ({percent(d.value / (estimates[d.log].value - d.value), sign=True)}, "
-        f"En = {abs(d.normalised):.2g})"
+        f"{names[d.index]} ({percent(d.value / (estimates[d.index].value - d.value), sign=True)}, "
+        f"En = {abs(d.normalised / 2):.2g})"
         for d in named
     )
     verb, those = ("disagrees", "it") if len(named) == 1 else ("disagree", "them")
@@ -273,10 +278,17 @@ def _pooling_note(inertia: Pooled, names: Sequence[str], alike: str, *, joint: b
     else:
         shares = ", ".join(f"{name} {percent(w)}" for name, w in zip(names, inertia.weights, strict=True))
         text = f"the inertia is the weighted mean of {len(names)} {alike} ({shares})"
-    scatter = f"no scatter between the {alike} beyond that within them"
+    return Message("several-logs", f"{text}; {scatter_of(inertia, alike)}; {SHARED_STAY.format(alike)}")
+
+
+SHARED_STAY = "sources that the {} share do not average out."
+
+
+def scatter_of(inertia: Pooled, alike: str) -> str:
+    """How far the logs, or parts, scatter beyond their own uncertainties, in words."""
     if inertia.between > 0:
-        scatter = f"scatter between the {alike} {percent(inertia.between / abs(inertia.estimate.value))}"
-    return Message("several-logs", f"{text}; {scatter}; sources that the {alike} share do not average out.")
+        return f"scatter between the {alike} {percent(inertia.between / abs(inertia.estimate.value))}"
+    return f"no scatter between the {alike} beyond that within them"
 
 
 def _shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> Message:
@@ -289,11 +301,11 @@ def _shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> M
     return Message("friction-shared", text + ".")
 
 
-def _friction_note(results: Sequence[Result], names: Sequence[str], alike: str) -> Message:
+def _friction_note(results: Sequence[Result], names: Sequence[str], alike: str, shown: Shown) -> Message:
     """Return whether friction, left to each log or part, agrees between them."""
     by_name = {name: estimates_of(results, name) for name in given_by_all(results) if name not in PAIR}
     laws = {tuple(name for name in result.parameters if name not in PAIR) for result in results}
-    disagreements = _disagreements(by_name, names, results[0].parameters)
+    disagreements = _disagreements(by_name, names, results[0].parameters, shown)
     if disagreements:
         return Message("friction-per-log", f"friction differs between the {alike}: {' '.join(disagreements)}")
     text = f"friction is of each of the {alike} alone"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from swingid.format import number, percent
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.preparation.encoders import Correction, Origin
@@ -90,15 +91,13 @@ def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction,
         return log, ()
     reason = _reason_to_leave(pushes, log)
     if reason:
-        finding = Finding(LEFT_IN, f"{_listed(pushes, unit(rig))}{reason}", "warning", spans=_spans(pushes))
+        finding = Finding(LEFT_IN, f"{_listed(pushes, rig)}{reason}", "warning", spans=_spans(pushes))
         return replace(log, findings=(*log.findings, finding)), _corrections(pushes, rig, "switched off")
     acts = np.zeros(len(log), dtype=bool)
     for push in pushes:
         acts |= (log.time >= push.start) & (log.time <= push.stop)
     unseen = max(push.unseen for push in pushes)
-    message = (
-        f"{_listed(pushes, unit(rig))}; {np.count_nonzero(acts)} of {len(log)} rows were excluded, those after it "
-    )
+    message = f"{_listed(pushes, rig)}; {np.count_nonzero(acts)} of {len(log)} rows were excluded, those after it "
     message += "were used"
     if unseen > BLUNT:
         message += f"; {_smaller(unseen)}, so rather use a part without pushes (--part FROM:TO)"
@@ -144,9 +143,10 @@ def unit(rig: Rig) -> str:
     return "N" if rig.axis.kind == "linear" else "N m"
 
 
-def _listed(pushes: list[Push], unit: str) -> str:
+def _listed(pushes: list[Push], rig: Rig) -> str:
     """Times and torques of the pushes."""
-    parts = [f"{push.start:.4g} to {push.stop:.4g} s ({number(push.torque, unit, digits=2)})" for push in pushes[:MOST]]
+    of = Equation.of(rig).shown(unit(rig))
+    parts = [f"{push.start:.4g} to {push.stop:.4g} s ({number(push.torque, of, digits=2)})" for push in pushes[:MOST]]
     if len(pushes) > MOST:
         parts.append(f"{len(pushes) - MOST} times more")
     listed = parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from swingid.errors import UnanswerableError
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
-from swingid.model.terms import TERMS, is_spring, rig_terms
+from swingid.model.terms import is_spring, rig_terms
 from swingid.units import Quantity, UnknownScale
 
 WHEEL, GAIN, GRAVITY, STIFFNESS = "drive.wheel.inertia", "log.torque_gain", "axis.gravity_torque", "axis.stiffness"
@@ -66,12 +66,6 @@ class Reference:
     name: str
     rig: Rig
     scaled_by: tuple[str, str, Quantity] | None = None
-
-    @property
-    def unit(self) -> str:
-        """Its unit; that of the torque for a gain, whose logged unit nobody states."""
-        linear = self.rig.axis.kind == "linear"
-        return TERMS[self.name].unit_on(linear=linear) if self.name in TERMS else "N" if linear else "N m"
 
     @property
     def remedy(self) -> str:

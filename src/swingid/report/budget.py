@@ -134,9 +134,8 @@ def _stated(key: str, result: Result, rig: Rig | None) -> float | None:
     if key.startswith("sensors.") and rig is not None:
         quantity = getattr(rig.sensors.of("wheel" if ".wheel." in key else "angle"), key.rpartition(".")[2], None)
         return quantity.value if isinstance(quantity, Quantity) else None
-    constants = result.provenance.get("constants")
-    if isinstance(constants, dict) and isinstance(constants.get(key), dict):
-        return float(constants[key]["value"])
+    if (stated := result.origin.constants.get(key)) is not None:
+        return stated.value
     place: object = rig
     for name in key.split("."):
         place = getattr(place, name, None)

@@ -112,10 +112,7 @@ def _identification(result: Result, certificate: Certificate | None, issued: str
     if stated or issued:
         rows.append(("date of issue", stated or issued))
     rows += stated_rows(certificate) if certificate else []
-    logs = result.provenance.get("logs") or [result.provenance.get("log")]
-    named = [str(log) for log in logs if log] if isinstance(logs, list) else []
-    digests = result.provenance.get("logs_sha256") or [result.provenance.get("log_sha256")]
-    digests = list(dict.fromkeys(str(digest) for digest in digests if digest)) if isinstance(digests, list) else []
+    named, digests = [log for log in result.origin.logs if log], result.origin.digests
     rows += [("log" if len(named) == 1 else "logs", ", ".join(named))] if named else []
     if len(digests) == 1:
         rows.append(("SHA-256 of the log", digests[0]))
@@ -171,22 +168,15 @@ def _context(
 
 
 def _title(result: Result, log: Recording | None) -> str:
-    tare, loaded = (_named(result.provenance.get(key)) for key in ("tare", "loaded"))
+    origin = result.origin
+    tare, loaded = (Path(origin.runs[key].result).name if key in origin.runs else "" for key in ("tare", "loaded"))
     if tare and loaded:
         return f"{loaded} less {tare}"
-    path = (log.source.path if log else None) or result.provenance.get("log")
-    several = result.provenance.get("logs")
-    paths = several if isinstance(several, list) else [path] if path else []
-    names = [Path(str(each)).name for each in paths]
+    paths = [log.source.path] if log and log.source.path and not origin.several else origin.logs
+    names = [Path(str(each)).name for each in paths if each or origin.several]
     if len(names) > MOST_NAMES:
         names = [f"{len(names)} logs"]
     return f"{', '.join(names) or 'a log made in memory'}, {result.method} method"
-
-
-def _named(run: object) -> str:
-    """Name of the result of a run of a difference; "" for none."""
-    name = run.get("result") if isinstance(run, dict) else run
-    return Path(str(name)).name if name else ""
 
 
 def _answer(result: Result, *, linear: bool) -> dict[str, str]:

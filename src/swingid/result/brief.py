@@ -116,13 +116,14 @@ def _logs(result: ResultData) -> Iterator[tuple[str, str]]:
 
 def _origin(result: ResultData) -> str:
     """Which log, which part of it, which rig, which method."""
-    known, details = result.provenance, result.details
-    logs = known.get("logs")
-    alone = Path(str(known.get("log") or "a log made in memory")).name
-    log = of_several(result) or (f"{len(logs)} logs" if isinstance(logs, list) else alone)
+    origin, rig, details = result.origin, result.provenance.get("rig"), result.details
+    if origin.several:
+        log = of_several(result) or f"{len(origin.logs)} logs"
+    else:
+        log = Path(origin.logs[0] or "a log made in memory").name
     if details is not None:
         log += f", {details.start:.2f} to {details.stop:.2f} s"
-    return "; ".join([log, *([f"rig {known['rig']}"] if known.get("rig") else []), f"method {result.method}"])
+    return "; ".join([log, *([f"rig {rig}"] if rig else []), f"method {result.method}"])
 
 
 def _shares(result: ResultData) -> Iterator[tuple[str, str]]:
@@ -155,8 +156,7 @@ def remedy(entry: BudgetEntry, result: ResultData) -> str:
 
 def _largest_part(key: str, result: ResultData) -> tuple[str, float]:
     """The most important of the numbers that a constant is computed from, and its share of the variance."""
-    made_of = result.provenance.get("made_of")
-    parts = made_of.get(key) if isinstance(made_of, dict) else None
+    parts = result.origin.made_of.get(key)
     if not parts:
         return key, 1.0
     part = max(parts, key=lambda name: parts[name])

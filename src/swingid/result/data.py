@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from swingid.errors import UnanswerableError
 from swingid.numerics.arrays import Array, robust_spread
 from swingid.recording.findings import Kind
+from swingid.result.origin import Origin
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 SCHEMA = "swingid.result/1"
@@ -222,6 +224,11 @@ class ResultData:
     monte_carlo: MonteCarlo | None = None
     per_log: tuple[ResultData, ...] = ()
     per_part: tuple[PartValue, ...] = ()
+
+    @cached_property
+    def origin(self) -> Origin:
+        """What the provenance states, for code that asks."""
+        return Origin.of(self.provenance)
 
     @property
     def inertia(self) -> Parameter:

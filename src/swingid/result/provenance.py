@@ -62,7 +62,7 @@ def of_rig(rig: Rig) -> dict[str, object]:
 
 def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
     """Value and standard uncertainty (None: exact) of every constant that results of one rig have in common."""
-    return {key: {"value": q.value, "std": q.std} for key, q in _constants(rig).items()}
+    return {key: {"value": q.value, "std": q.std} for key, q in shared_constants(rig).items()}
 
 
 def made_of(rig: Rig) -> dict[str, dict[str, dict[str, float]]]:
@@ -70,11 +70,12 @@ def made_of(rig: Rig) -> dict[str, dict[str, dict[str, float]]]:
 
     Under the key "made_of", which is not there where there are none.
     """
-    parts = {key: dict(q.parts) for key, q in _constants(rig).items() if q.parts}
+    parts = {key: dict(q.parts) for key, q in shared_constants(rig).items() if q.parts}
     return {"made_of": parts} if parts else {}
 
 
-def _constants(rig: Rig) -> dict[str, Quantity]:
+def shared_constants(rig: Rig) -> dict[str, Quantity]:
+    """Every constant that results of one rig have in common."""
     by_key: dict[str, object] = {"axis.gravity_torque": rig.axis.gravity_torque}
     for term in rig_terms(rig):
         by_key |= {term.term.key: term.value} | ({term.term.shift: term.shift} if term.shift.std else {})
@@ -131,12 +132,10 @@ def exact_in_row_one(rig: Rig) -> list[Message]:
     return exact_constants([key for key in rig.constants_without_uncertainty() if key in keys])
 
 
-def exact_constants(keys: list[str]) -> list[Message]:
+def exact_constants(keys: list[str], why: str = "the rig states no uncertainty") -> list[Message]:
     """The note that names the constants used without a stated uncertainty."""
-    if not keys:
-        return []
-    text = f"taken as exact, because the rig states no uncertainty: {', '.join(keys)}."
-    return [Message("exact-constants", text)]
+    text = f"taken as exact, because {why}: {', '.join(keys)}."
+    return [Message("exact-constants", text)] if keys else []
 
 
 def defaults_taken(rig: Rig) -> list[Message]:

@@ -7,16 +7,14 @@ determines best.
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.format import pretty_unit, time_power
 from swingid.model.terms import TERMS
 from swingid.numerics.arrays import Array
-from swingid.result.data import Details, Message
+from swingid.result.data import Details
 from swingid.result.result import Result
 from swingid.result.sources import values_of
 from swingid.uncertainty.budget import BudgetEntry, Parameter, correlation_of
@@ -168,20 +166,3 @@ def converted(details: Details | None, leading: Ratio, old: Mapping[str, Paramet
         residuals=details.residuals if details.residual_unit else details.residuals * torque,
         convergence=curve and replace(curve, values=value(curve.values)),
     )
-
-
-_NUMBER = re.compile(r"(?<=[\d)]) (kg m²|kg m\^2|kg|N m/rad|N m s²|N m s|N m|N/m|N s/m|N s|N)(?![\w/²^])(?! m\b)")
-
-
-def in_words(messages: tuple[Message, ...], name: str, unit: str) -> tuple[Message, ...]:
-    """Messages whose numbers in kg and N are named as multiples of the constant that is the unit of the result."""
-    return tuple(replace(message, message=_NUMBER.sub(_multiple(name, unit), message.message)) for message in messages)
-
-
-def _multiple(name: str, unit: str) -> Callable[[re.Match[str]], str]:
-    def text(match: re.Match[str]) -> str:
-        power = time_power(match[1].replace("²", "^2")) - time_power(unit)
-        seconds = {0: "", 1: " s"}.get(int(power)) if power in (0, 1) else pretty_unit(f" s^{power:g}")
-        return f" {seconds} × {name}".replace("  ", " ")
-
-    return text

@@ -47,8 +47,8 @@ def summarise(result: ResultData) -> str:
         ("Propagation of distributions", _distributions(result)),
         ("Friction", _friction(result.details)),
         ("Estimates by kind of window", _kinds(result)),
-        ("Warnings", _messages(result.warnings)),
-        ("Notes", _messages(result.notes)),
+        ("Warnings", message_lines(result.warnings)),
+        ("Notes", message_lines(result.notes)),
     ]
     return "\n".join(line for title, lines in parts if lines for line in (f"[[{title}]]", *lines))
 
@@ -89,14 +89,12 @@ def _identification(result: ResultData) -> list[str]:
 
 
 def _log_text(result: ResultData) -> str:
-    provenance = result.provenance
-    tare, loaded, logs = (provenance.get(key) for key in ("tare", "loaded", "logs"))
-    if isinstance(tare, dict) and isinstance(loaded, dict):
-        return f"{loaded.get('result')} less {tare.get('result')}"
-    if isinstance(logs, list):
-        return of_several(result) or counted(len(logs), "log")
-    path, rows = provenance.get("log"), provenance.get("rows")
-    return f"{path or 'made in memory'}" + (f" ({rows} rows)" if rows else "")
+    origin, rows = result.origin, result.provenance.get("rows")
+    if len(origin.runs) == 2:
+        return f"{origin.runs['loaded'].result} less {origin.runs['tare'].result}"
+    if origin.several:
+        return of_several(result) or counted(len(origin.logs), "log")
+    return f"{origin.logs[0] or 'made in memory'}" + (f" ({rows} rows)" if rows else "")
 
 
 def _rig_text(provenance: dict[str, object]) -> str | None:
@@ -280,7 +278,8 @@ def _kinds(result: ResultData) -> list[str]:
     return lines
 
 
-def _messages(messages: Sequence[Message]) -> list[str]:
+def message_lines(messages: Sequence[Message]) -> list[str]:
+    """Warnings or notes, each with its code."""
     return [line for message in messages for line in _wrapped(f"{message.code}: {message.message}", "    ", "      ")]
 
 
@@ -302,10 +301,11 @@ def _as_clause(sentence: str) -> str:
 
 def of_several(result: ResultData) -> str:
     """'3 parts of a.csv' where the result is of several parts of one log; "" where it is not."""
-    logs = result.provenance.get("logs")
-    if not (result.per_part and isinstance(logs, list) and logs):
+    origin = result.origin
+    if not (result.per_part and origin.several and origin.logs):
         return ""
-    return f"{counted(len(result.per_part), 'part')} of {str(logs[0]).rpartition(' ')[0] or 'a log made in memory'}"
+    log = str(origin.logs[0]).rpartition(" ")[0] or "a log made in memory"
+    return f"{counted(len(result.per_part), 'part')} of {log}"
 
 
 def counted(count: int, noun: str) -> str:

@@ -179,9 +179,7 @@ def monte_carlo(
         text = f"no draws were made, for {why}: the interval is that of the linear propagation (GUM)."
         return replace(result, notes=(*result.notes, Message("no-draws", text)))
     rig = as_recorded(rig, log)
-    decided = result.provenance.get("preparation")
-    noise = decided.get("noise") if isinstance(decided, dict) else None
-    sigma = (float(noise["angle"] or 0.0), float(noise["wheel"] or 0.0)) if isinstance(noise, dict) else (0.0, 0.0)
+    sigma = result.origin.noise.get("angle") or 0.0, result.origin.noise.get("wheel") or 0.0
     constants = uncertain_constants(rig)
     experiment = Experiment(log, rig, method, dict(options or {}), sigma, constants)
     keys = [*constants, *_sensor_keys(rig, log)]

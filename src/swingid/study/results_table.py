@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from swingid.errors import SwingidError, UsageError
 from swingid.format import plus_minus
-from swingid.identification import identify
-from swingid.methods.table import one_momentum
+from swingid.identification import identify_beside
+from swingid.methods.table import Answers
 from swingid.model.rig import Rig
 from swingid.progress import tracked
 from swingid.recording.large import LargeLog
@@ -82,9 +82,9 @@ def results_table(
             log: Recording | LargeLog | SwingidError = load(path)
         except SwingidError as error:
             log = error
-        with one_momentum():
-            for method in methods:
-                results[path, method] = _one(log, rig, method, part)
+        momentum = Answers()
+        for method in methods:
+            results[path, method] = _one(log, rig, method, part, momentum)
     return ResultsTable(results)
 
 
@@ -93,12 +93,12 @@ def _shown(result: Result) -> str:
     return plus_minus(main.value, main.standard_uncertainty, main.unit)
 
 
-def _one(log: Recording | LargeLog | SwingidError, rig: Rig, method: str, part: object) -> Result:
+def _one(log: Recording | LargeLog | SwingidError, rig: Rig, method: str, part: object, momentum: Answers) -> Result:
     """The result of a log, or its refusal."""
     if isinstance(log, SwingidError):
         return refusal(method, log)
     try:
-        return identify(log, rig, method, part=part)
+        return identify_beside(momentum, log, rig, method, part=part)
     except SwingidError as error:
         if isinstance(error, UsageError) and not isinstance(log, LargeLog):
             raise

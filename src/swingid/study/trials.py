@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swingid.errors import SwingidError
-from swingid.identification import identify
-from swingid.methods.table import one_momentum
+from swingid.identification import identify_beside
+from swingid.methods.table import Answers
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
 from swingid.result.result import Parameter
@@ -133,13 +133,13 @@ def rows_of(
         known = experiment.read(log)
     except caught as error:
         return [head.row(name, q, error, FAILED) for name, _, _ in experiment.methods for q in quantities]
-    with one_momentum():
-        for name, method, options in experiment.methods:
-            try:
-                result: Result | Exception = identify(known, experiment.stated, method, **options)
-            except caught as error:
-                result = error
-            rows += [_answer(head, name, q, result) for q in quantities]
+    momentum = Answers()
+    for name, method, options in experiment.methods:
+        try:
+            result: Result | Exception = identify_beside(momentum, known, experiment.stated, method, **options)
+        except caught as error:
+            result = error
+        rows += [_answer(head, name, q, result) for q in quantities]
     return rows
 
 

@@ -38,7 +38,7 @@ from swingid.preparation.speed import smooth_speed
 from swingid.progress import tracked
 from swingid.recording.recording import Recording, listed
 from swingid.result.data import require_scale
-from swingid.result.provenance import constants
+from swingid.result.provenance import shared_constants
 from swingid.result.result import Result
 from swingid.study.output import Study, noted
 from swingid.table import Table, plain
@@ -181,14 +181,11 @@ def validate(
 
 def _notes(result: Result, logs: Sequence[Recording], rig: Rig) -> Iterator[str]:
     """Note that a log was fitted, and that the rig is not that of the result."""
-    provenance = result.provenance
-    hashes = provenance.get("logs_sha256")
-    fitted = {str(h) for h in (hashes if isinstance(hashes, list) else [provenance.get("log_sha256")]) if h}
     for log in logs:
-        if log.source.sha256 in fitted:
+        if log.source.sha256 in result.origin.digests:
             yield f"the result was fitted to {log.source.path}: its fit is no test of the model."
-    then, now = provenance.get("constants"), constants(rig)
-    if isinstance(then, dict) and (other := [key for key in {**then, **now} if then.get(key) != now.get(key)]):
+    then, now = result.origin.constants, shared_constants(rig)
+    if then and (other := [key for key in {**then, **now} if then.get(key) != now.get(key)]):
         yield f"rig {rig.name} is not as in the result, which was found with another {', '.join(other)}."
 
 
@@ -286,9 +283,7 @@ def model_vector(result: Result, rig: Rig) -> Array:
     further = {key for term in further_terms() for key in (term.key, term.shift)}
     changes |= {key: value for key, value in by_key.items() if key in further and not key.startswith("axis.friction.")}
     values = {key: quantity.value for key, quantity in rig_constants(rig.changed(changes)).items()}
-    moved = result.provenance.get("constants_found")
-    if isinstance(moved, dict):
-        values |= {key: float(value) for key, value in moved.items() if key in values}
+    values |= {key: value for key, value in result.origin.found.items() if key in values}
     # what a fit finds may lie a little outside what a rig file may state, such as a Coulomb friction below 0
     values |= by_key
     return vector(values, rig.drive.channel)
@@ -311,10 +306,10 @@ def _by_key(values: Mapping[str, float], rig: Rig) -> dict[str, float]:
 
 def with_found_gain(log: Recording, result: Result, rig: Rig) -> Recording:
     """The log with its torque by the gain that the fit found, where it moved log.torque_gain."""
-    moved = result.provenance.get("constants_found")
-    if log.torque is None or not isinstance(moved, dict) or "log.torque_gain" not in moved:
+    found = result.origin.found.get("log.torque_gain")
+    if log.torque is None or found is None:
         return log
-    return replace(log, torque=log.torque * (float(moved["log.torque_gain"]) / rig.log.torque_gain.value))
+    return replace(log, torque=log.torque * (found / rig.log.torque_gain.value))
 
 
 def drive_of(log: Recording, rig: Rig, wanted: Literal["voltage", "wheel"] | None) -> Input:

@@ -41,14 +41,17 @@ class Jitter:
     spread: float
     noise: Noise
 
-    def words(self, inertia: Parameter, measured: float) -> Checked:
-        """A warning where work over the measured turn gives another inertia, else a note that the rows jitter."""
+    def words(self, inertia: Parameter, measured: float, unit: str) -> Checked:
+        """A warning where work over the measured turn gives another inertia, else a note that the rows jitter.
+
+        unit: of the inertia in a sentence.
+        """
         low, high = inertia.interval95 or (-np.inf, np.inf)
         text = f"the sampling instants have a jitter of {1e3 * self.spread:.2g} ms (noise that grows with the speed); "
         text += "the work was computed over the smoothed turn of the drive"
         if low <= measured <= high:
             return noted(Message("jitter", f"{text}."))
-        text += f", over the measured one the inertia would be {measured:.5g} {inertia.unit}; read both encoders at "
+        text += f", over the measured one the inertia would be {measured:.5g} {unit}; read both encoders at "
         return warned(Message("jitter-matters", f"{text}even instants, or use the momentum method."))
 
 

@@ -93,7 +93,7 @@ def energy(
     checked = warned(*more) + noted(*estimate.notes)
     if jitter.spread > 0 and not how.chain.observers:
         other = _estimate(part, equation, how, jittery=False)
-        checked += jitter.words(inertia, other.fit.inertia)
+        checked += jitter.words(inertia, other.fit.inertia, equation.shown(inertia.unit))
     if variant == "better":
         checked += check_saturation(part.log, rig, inertia)
     checked += check_energy(answer, check, equation, part.motion, differs)

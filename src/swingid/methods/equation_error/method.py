@@ -105,6 +105,6 @@ def _unlikely(selected: Selection) -> list[Message]:
     other = next(fit for law, fit, _ in selected.laws if law.name == best.name)
     text = (
         f"the log is inconsistent with the friction law {selected.law.name!r}: with {best.name!r} the inertia is "
-        f"{other.inertia:.6g} {chosen.equation.unit}; leave friction out, or give that one."
+        f"{other.inertia:.6g} {chosen.equation.shown(chosen.equation.unit)}; leave friction out, or give that one."
     )
     return [Message("unlikely-friction-law", text)]

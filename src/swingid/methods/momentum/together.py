@@ -134,7 +134,7 @@ def _require_known(together: Together, u: float) -> None:
         spread = "more than its value" if law.inertia <= 0 or relative > 1 else percent(relative)
         raise NotIdentifiableError(
             f"{where}: the motion does not determine the inertia (the balance gives {law.inertia:.3g} "
-            f"{law.equation.unit}, uncertain by {spread}); record a wider range of speeds"
+            f"{law.equation.shown(law.equation.unit)}, uncertain by {spread}); record a wider range of speeds"
             + (", or a known body that changes the inertia more." if rig.drive.channel is None else ".")
         )
 

@@ -56,7 +56,8 @@ def check_fit(answer: Evaluated, estimate: Estimate, differs: Checked | None) ->
     setup, unknowns, check = estimate.setup, estimate.unknowns, estimate.setup.check
     parameters, sensitivities = answer.parameters, answer.sensitivities
     inertia, fit, under_voltage = parameters["inertia"], estimate.searched.fit, setup.source == "voltage"
-    seen = examine_information(unknowns.names, [item.unit for item in unknowns.items], fit.reduced.matrix)
+    units = [setup.equation.shown(item.unit) for item in unknowns.items]
+    seen = examine_information(unknowns.names, units, fit.reduced.matrix)
     require_seen(seen)
     _require_identifiable(estimate)
     spread = math.sqrt(estimate.covariance[0, 0])
@@ -221,7 +222,7 @@ def _inconsistent_constants(estimate: Estimate, alone: Parameter) -> Checked:
         fitted = value + constant_value(estimate.setup.rig, item.name)[0] if item.places else value
         edge = " or beyond" if value in (item.low, item.high) else ""
         size = f"{abs(value) / item.std:.2g} standard uncertainties from it"
-        contradicted.append(f"{item.name} of {number(fitted, item.unit)}{edge}, {size}")
+        contradicted.append(f"{item.name} of {number(fitted, estimate.setup.equation.shown(item.unit))}{edge}, {size}")
     if not contradicted:
         return Checked()
     inverse = estimate.searched.fit.inverse

@@ -11,8 +11,8 @@ from typing import Any
 from swingid.checks.momentum import overlapping
 from swingid.errors import SwingidError, UnanswerableError, UsageError, require_rig
 from swingid.format import number, percent
-from swingid.identification import identify
-from swingid.methods.table import DEFAULT, METHODS, forget_momentum, one_momentum
+from swingid.identification import identify_beside
+from swingid.methods.table import DEFAULT, METHODS, Answers
 from swingid.model.rig import Rig
 from swingid.numerics.cache import kept_kernels
 from swingid.pooling.selected import each_part, parts_of
@@ -67,8 +67,7 @@ def assumptions(method: str, rig: Rig, result: Result) -> Assumptions:
     needs = METHODS[method]
     motor = needs.motor != "unused"
     gravity = rig.axis.gravity_torque
-    options = result.provenance.get("options")
-    if isinstance(options, dict) and options.get("input") == "wheel":
+    if result.origin.options.get("input") == "wheel":
         motor = False
     return Assumptions(
         scale={"reaction-wheel": "wheel inertia", "direct": "torque", "motor": "motor", "none": ""}[rig.drive.kind],
@@ -188,11 +187,11 @@ def compare(
     several = each_part(several, spans) if spans else several
     trials: list[Trial] = []
     chosen = dict.fromkeys(methods or METHODS)
-    with one_momentum():
-        for k, log, method in tracked([(k, log, method) for k, log in enumerate(several) for method in chosen]):
-            result, seconds = _timed(log, rig, method)
-            depends = assumptions(method, rig, result)
-            trials.append(Trial(log.source.path or f"log {k + 1}", method, result, seconds, depends, _truth(log)))
+    momentum = Answers()
+    for k, log, method in tracked([(k, log, method) for k, log in enumerate(several) for method in chosen]):
+        result, seconds = _timed(log, rig, method, momentum)
+        depends = assumptions(method, rig, result)
+        trials.append(Trial(log.source.path or f"log {k + 1}", method, result, seconds, depends, _truth(log)))
     trials = [replace(trial, result=_warned(trial, trials[:k])) for k, trial in enumerate(trials)]
     if all(trial.result.status == "refused" for trial in trials):
         reason = trials[0].result.error
@@ -223,7 +222,7 @@ def _warned(trial: Trial, before: Sequence[Trial]) -> Result:
     return trial.result
 
 
-def _timed(log: Recording, rig: Rig, method: str) -> tuple[Result, float]:
+def _timed(log: Recording, rig: Rig, method: str, momentum: Answers) -> tuple[Result, float]:
     """The result and the time it takes, timed again where a first run is short or has compiled kernels.
 
     That of another method is its own, without momentum's answer, which is made once for all of them.
@@ -233,10 +232,10 @@ def _timed(log: Recording, rig: Rig, method: str) -> tuple[Result, float]:
     for _ in range(2):
         compiled = kept_kernels()
         if method == DEFAULT:
-            forget_momentum()
+            momentum.forget()
         begin = time.perf_counter()
         try:
-            result = identify(log, rig, method)
+            result = identify_beside(momentum, log, rig, method)
         except UsageError:
             raise
         except SwingidError as error:

@@ -116,7 +116,7 @@ def _signs(balance: Balance, rig: Rig) -> Check:
         return Check("signs", "signs", "ok", text)
     what = "wheel angle" if "wheel" in equation.coefficients else "torque"
     turned = "" if not equation.value("gravity_torque") else " and gravity pulls towards 0"
-    inertia = plus_minus(law.a11 - equation.carried, law.u, equation.unit)
+    inertia = plus_minus(law.a11 - equation.carried, law.u, equation.shown(equation.unit))
     text = f"{what} and angle have signs that belong together{turned}: the balance gives the inertia {inertia}."
     return Check("signs", "signs", "ok", text, "", {"inertia": law.a11 - equation.carried, "uncertainty": law.u})
 

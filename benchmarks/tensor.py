@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,14 +22,17 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
 import swingid as sw
+from body_on_axis import inertia_about, rig_about
 from swingid.body.axes import perpendicular
 from swingid.body.directions import NAMES, elements_of
 from swingid.body.tables import axes_from_text
-from swingid.body.twin import STANDARD_GRAVITY, inertia_about, rig_about
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import UnanswerableError
+from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.numerics.arrays import Array
 from swingid.result.result import Parameter, Result, combined
 from swingid.uncertainty.budget import BudgetEntry, scatter, stated
@@ -181,7 +185,7 @@ def end_to_end(seed: int) -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "empty.json").write_text(identified(plant, 100).to_json(), encoding="utf-8")
-        lines = ["[body]", f'mass = "{MASS} kg"', f'gravity = "{STANDARD_GRAVITY} m/s^2"']
+        lines = ["[body]", f'mass = "{MASS} kg"', f'gravity = "{UNKNOWN_PLACE.value} m/s^2"']
         lines += ["[every_axis]", 'tilt = "0.05 deg"', 'fixture = "empty.json"', 'gravity_torque = "result"']
         results = []
         for k, direction in enumerate(NINE):

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import swingid as sw
+from body_on_axis import inertia_about, rig_about
 from refusals import coded
 from swingid.body.answer import Tensor
 from swingid.body.axes import Identities, read_axes
@@ -29,7 +30,6 @@ from swingid.body.directions import (
 from swingid.body.fit import fit
 from swingid.body.physical import closest, second_moments
 from swingid.body.tables import axes_from_text
-from swingid.body.twin import inertia_about, rig_about
 from swingid.cli import main
 from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError
 from swingid.numerics.arrays import Array

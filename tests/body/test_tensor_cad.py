@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import swingid as sw
+from body_on_axis import inertia_about
 from refusals import coded
 from swingid.body.cad import load_cad
 from swingid.body.directions import elements_of, rows_of
@@ -111,8 +112,6 @@ def test_mujoco_reads_the_same_tensor(tmp_path: Path, text: str) -> None:
 def test_mujoco_moves_the_tensor_to_an_axis_as_the_twin_does(tmp_path: Path) -> None:
     """The joint-space inertia of one hinge about any axis."""
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
-    from swingid.body.twin import inertia_about
-
     text = mjcf(TURNS["euler"])
     body = load_cad(written(tmp_path, text))
     for axis, place in (([1, 0, 0], [0, 0, 0]), ([1, -2, 0.5], [0.3, 0.1, -0.2])):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import textwrap
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,10 +14,11 @@ from swingid.body.directions import NAMES, TWICE, matrix_of, row_between, rows_o
 from swingid.body.fit import AxisRow
 from swingid.body.principal import Principal
 from swingid.errors import UsageError
-from swingid.format import interval, number, percent, plus_minus
+from swingid.format import interval, number, percent
 from swingid.numerics.arrays import Array
 from swingid.result.data import Message, plain
-from swingid.result.summary import TITLES, WIDTH
+from swingid.result.summary import TITLES, message_lines, value_text
+from swingid.table import aligned
 from swingid.uncertainty.budget import BudgetEntry, Parameter, correlation_of, stated
 from swingid.uncertainty.uncertain import Uncertain, weighted_sum
 from swingid.units import Quantity, parse_quantity
@@ -136,10 +136,10 @@ class Tensor:
             ("Principal moments and axes", self._principal()),
             ("Axes", self._axes()),
             ("Uncertainty, share of the mean variance of all elements", self._budget()),
-            ("Predictions", [f"    {words:<24} {_value(p)}  95 %: {_interval(p)}" for words, p in self.predictions]),
+            ("Predictions", [f"    {words:<24} {_with_interval(p)}" for words, p in self.predictions]),
             ("Comparison", [] if self.comparison is None else self.comparison.lines()),
-            ("Warnings", _messages(self.warnings)),
-            ("Notes", _messages(self.notes)),
+            ("Warnings", message_lines(self.warnings)),
+            ("Notes", message_lines(self.notes)),
         ]
         return "\n".join(line for title, lines in parts if lines for line in (f"[[{title}]]", *lines))
 
@@ -171,7 +171,7 @@ class Tensor:
 
     def _elements(self) -> list[str]:
         largest = self.principal[0].moment.value
-        values = {name: _value(p) for name, p in self.elements.items()}
+        values = {name: value_text(p) for name, p in self.elements.items()}
         shares = {name: percent((p.standard_uncertainty or 0.0) / largest) for name, p in self.elements.items()}
         wide = max(map(len, values.values()))
         return [
@@ -187,7 +187,7 @@ class Tensor:
             if principal.together:
                 others = " and ".join(str(j + 1) for j in principal.together)
                 where = f"axis not determined: not distinguishable from moment {others}"
-            lines.append(f"    {k + 1}: {_value(moment)}  95 %: {_interval(moment)}  {where}")
+            lines.append(f"    {k + 1}: {_with_interval(moment)}  {where}")
         return lines
 
     def _axes(self) -> list[str]:
@@ -196,11 +196,9 @@ class Tensor:
             off = "not checked by the others"
             if axis.deviation is not None:
                 off = f"{axis.deviation:+.1f} u from the others"
-            rows.append((axis.name, direction_text(axis.direction), _value(axis.about_axis), _value(axis.central), off))
-        head = ("axis", "direction", "about the axis", "through the centre of mass", "")
-        wide = [max(len(row[k]) for row in (head, *rows)) for k in range(5)]
-        return ["    " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, wide, strict=True)).rstrip()
-                for row in (head, *rows)]  # fmt: skip
+            about, central = value_text(axis.about_axis), value_text(axis.central)
+            rows.append((axis.name, direction_text(axis.direction), about, central, off))
+        return aligned([("axis", "direction", "about the axis", "through the centre of mass", ""), *rows])
 
     def _budget(self) -> list[str]:
         """Sources by their share of Σ u² over the nine elements of the matrix, the largest first."""
@@ -221,19 +219,9 @@ def direction_text(direction: Array) -> str:
     return "[" + " ".join(f"{part + 0.0:.3f}" for part in np.round(direction, 3)) + "]"
 
 
-def _value(parameter: Parameter) -> str:
-    return plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit)
+def _with_interval(parameter: Parameter) -> str:
+    return f"{value_text(parameter)}  95 %: {_interval(parameter)}"
 
 
 def _interval(parameter: Parameter) -> str:
     return "unknown" if parameter.interval95 is None else interval(parameter.interval95, middle=parameter.value)
-
-
-def _messages(messages: tuple[Message, ...]) -> list[str]:
-    return [
-        line
-        for message in messages
-        for line in textwrap.wrap(
-            f"{message.code}: {message.message}", WIDTH, initial_indent="    ", subsequent_indent="      "
-        )
-    ]

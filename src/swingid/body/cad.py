@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from swingid.body.directions import NAMES, elements_of
+from swingid.body.directions import NAMES, elements_of, matrix_of
 from swingid.body.tables import Body
 from swingid.errors import InputError, UsageError
 from swingid.format import number, percent
@@ -203,6 +203,8 @@ def _body(name: str, link: str, mass: float, centre: Array, turn: Array, tensor:
 
 def _urdf(name: str, link: ElementTree.Element) -> CadBody:
     """<inertial>: origin with fixed-axis roll, pitch, yaw (rad); mass; inertia about the origin, along its axes."""
+    from scipy.spatial.transform import Rotation
+
     called = link.get("name", "")
     inertial = link.find("inertial")
     assert inertial is not None
@@ -213,8 +215,8 @@ def _urdf(name: str, link: ElementTree.Element) -> CadBody:
     rpy = _numbers(name, "0 0 0" if origin is None else origin.get("rpy", "0 0 0"), 3, "rpy")
     i = {key: float(_numbers(name, inertia.get(f"i{key}", "0" if key[0] != key[1] else None), 1, f"i{key}")[0])
          for key in NAMES}  # fmt: skip
-    tensor = np.array([[i["xx"], i["xy"], i["xz"]], [i["xy"], i["yy"], i["yz"]], [i["xz"], i["yz"], i["zz"]]])
-    turn = _turn(2, rpy[2]) @ _turn(1, rpy[1]) @ _turn(0, rpy[0])
+    tensor = matrix_of(np.array(list(i.values())))
+    turn = np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
     return _body(name, called, float(_numbers(name, mass.get("value"), 1, "mass value")[0]), xyz, turn, tensor)
 
 
@@ -243,8 +245,7 @@ def _mjcf(name: str, body: ElementTree.Element, angles: _Angles) -> CadBody:
     centre = _numbers(name, inertial.get("pos"), 3, "pos")
     full, diagonal = inertial.get("fullinertia"), inertial.get("diaginertia")
     if full is not None:
-        xx, yy, zz, xy, xz, yz = _numbers(name, full, 6, "fullinertia")
-        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        tensor = matrix_of(_numbers(name, full, 6, "fullinertia"))
     else:
         tensor = np.diag(_numbers(name, diagonal, 3, "diaginertia"))
     return _body(name, called, mass, centre, _orientation(name, inertial, angles), tensor)
@@ -252,19 +253,21 @@ def _mjcf(name: str, body: ElementTree.Element, angles: _Angles) -> CadBody:
 
 def _orientation(name: str, inertial: ElementTree.Element, angles: _Angles) -> Array:
     """Rotation matrix (3, 3) of quat, axisangle, euler, xyaxes or zaxis."""
+    from scipy.spatial.transform import Rotation
+
     if (text := inertial.get("quat")) is not None:
-        return _of_quaternion(_numbers(name, text, 4, "quat"), name)
+        w, x, y, z = _unit(_numbers(name, text, 4, "quat"), name)
+        return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix())
     if (text := inertial.get("axisangle")) is not None:
-        given = _numbers(name, text, 4, "axisangle")
-        half = 0.5 * float(given[3]) * angles.unit
-        return _of_quaternion(np.r_[math.cos(half), math.sin(half) * _unit(given[:3], name)], name)
+        *axis, angle = _numbers(name, text, 4, "axisangle")
+        return np.asarray(Rotation.from_rotvec(angle * angles.unit * _unit(np.array(axis), name)).as_matrix())
     if (text := inertial.get("euler")) is not None:
-        turn = np.eye(3)
+        turn = Rotation.identity()
         for letter, angle in zip(angles.sequence, _numbers(name, text, 3, "euler"), strict=False):
-            about_axis = _turn("xyz".index(letter.lower()), float(angle) * angles.unit)
+            about_axis = Rotation.from_euler(letter.lower(), angle * angles.unit)
             # a lower-case letter turns about the moving axis, an upper-case about_axis about the fixed axis
-            turn = turn @ about_axis if letter.islower() else about_axis @ turn
-        return turn
+            turn = turn * about_axis if letter.islower() else about_axis * turn
+        return np.asarray(turn.as_matrix())
     if (text := inertial.get("xyaxes")) is not None:
         both = _numbers(name, text, 6, "xyaxes")
         x = _unit(both[:3], name)
@@ -274,9 +277,8 @@ def _orientation(name: str, inertial: ElementTree.Element, angles: _Angles) -> A
         z = _unit(_numbers(name, text, 3, "zaxis"), name)
         axis = np.cross([0.0, 0.0, 1.0], z)
         size = float(np.linalg.norm(axis))
-        half = 0.5 * math.atan2(size, float(z[2]))
         axis = axis / size if size > 1e-12 else np.array([1.0, 0.0, 0.0])
-        return _of_quaternion(np.r_[math.cos(half), math.sin(half) * axis], name)
+        return np.asarray(Rotation.from_rotvec(math.atan2(size, float(z[2])) * axis).as_matrix())
     return np.eye(3)
 
 
@@ -286,28 +288,6 @@ def _unit(vector: Array, name: str) -> Array:
         raise _unusable(name, "has an orientation with a vector of no length; correct it")
     unit: Array = vector / size
     return unit
-
-
-def _of_quaternion(q: Array, name: str) -> Array:
-    """Rotation matrix of (w, x, y, z)."""
-    w, x, y, z = _unit(q, name)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def _turn(axis: int, angle: float) -> Array:
-    """Rotation matrix about a coordinate axis."""
-    c, s = math.cos(angle), math.sin(angle)
-    j, k = (axis + 1) % 3, (axis + 2) % 3
-    matrix = np.eye(3)
-    matrix[j, j] = matrix[k, k] = c
-    matrix[j, k], matrix[k, j] = -s, s
-    return matrix
 
 
 def _mesh(name: str, mass: Quantity | None, density: str | float | None, unit: str) -> CadBody:

@@ -9,7 +9,6 @@ G V Gᵀ with x = G y, has everything. Without such constants this is the estima
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,26 +18,12 @@ from swingid.body.axes import Axis
 from swingid.body.directions import matrix_of, rows_of
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
+from swingid.pooling.pooling import Deviation
 from swingid.uncertainty.budget import Parameter
-from swingid.uncertainty.significance import family_level
 from swingid.uncertainty.uncertain import Uncertain, covariance, weighted_sum
 
 PASSES = 4
 """Passes over the tensor in the uncertainty of the directions; its change moves weights only, so two suffice."""
-
-
-@dataclass(frozen=True)
-class Deviation:
-    """Inertia of one axis less what the others give, its standard uncertainty; None where they do not determine it."""
-
-    axis: int
-    value: float
-    u: float
-
-    @property
-    def normalised(self) -> float:
-        """The residuals in standard uncertainties."""
-        return self.value / self.u if self.u else math.copysign(math.inf, self.value)
 
 
 @dataclass(frozen=True)
@@ -129,18 +114,8 @@ def deviations(axes: Sequence[Axis], fitted: Fit, common: frozenset[str]) -> lis
             continue
         measured = [fitted.measured[j] for j in others]
         weights = rows[k] @ gain_of(rest, measured, common)
-        gap = of_axis - weighted_sum(measured, weights)
-        result.append(Deviation(k, gap.value, math.hypot(gap.u, 1e-9 * of_axis.value)))
+        result.append(Deviation.of(k, of_axis, weighted_sum(measured, weights)))
     return result
-
-
-def disagreeing(tested: Sequence[Deviation | None]) -> Deviation | None:
-    """The axis that disagrees most with the others, where it does beyond chance; one false finding in a hundred."""
-    known = [deviation for deviation in tested if deviation is not None]
-    if not known:
-        return None
-    worst = max(known, key=lambda deviation: abs(deviation.normalised))
-    return worst if abs(worst.normalised) > family_level(len(known)) else None
 
 
 def _without(value: Uncertain, keys: frozenset[str]) -> Uncertain:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from swingid.balance.identifiability import HOPELESS
 from swingid.body.answer import UNIT, Tensor, direction_text
 from swingid.body.axes import Axis, read_axes, shared, tilt_variances
 from swingid.body.cad import CadBody, compare
@@ -21,7 +22,7 @@ from swingid.body.directions import (
     rank_of,
     rows_of,
 )
-from swingid.body.fit import AxisRow, Deviation, Fit, deviations, disagreeing, fit
+from swingid.body.fit import AxisRow, Fit, deviations, fit
 from swingid.body.physical import closest, require_physical
 from swingid.body.principal import principal
 from swingid.body.tables import LEVERS, Axes, load_axes
@@ -29,13 +30,11 @@ from swingid.errors import UnanswerableError
 from swingid.format import number, percent
 from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.numerics.arrays import Array
+from swingid.pooling.pooling import Deviation, worst_beyond_chance
 from swingid.result.data import Message
-from swingid.result.provenance import versions
+from swingid.result.provenance import exact_constants, versions
 from swingid.result.result import Result
 from swingid.units import Quantity
-
-HOPELESS = 0.3
-"""Standard uncertainty of an element over the largest moment above which the tensor is refused, as of `difference`."""
 
 NEEDED = 6
 
@@ -76,13 +75,13 @@ def tensor(
     common = frozenset(identities.keys)
     fitted = fit(read, common)
     tested = deviations(read, fitted, common)
-    worst = disagreeing(tested)
+    worst = worst_beyond_chance(tested)
     _require_seen(fitted, stated)
     notes = _notes(stated, read, tested)
     values, elements = fitted.values, fitted.elements
     hint = "check the directions, levers, mass and fixture"
     if worst is not None:
-        hint = f"{hint}, first of {read[worst.axis].name}, which disagrees most"
+        hint = f"{hint}, first of {read[worst.index].name}, which disagrees most"
         warnings.append(_disagreement(worst, tested, read))
     if not require_physical(fitted.matrix, elements, hint):
         values = closest(values, fitted.covariance)
@@ -189,14 +188,14 @@ def _disagreement(worst: Deviation, tested: Sequence[Deviation | None], read: Se
     off = abs(worst.normalised)
     alike = [t for t in tested if t is not None and abs(t.normalised) > 0.999 * off]
     if len(alike) > 1:
-        names = ", ".join(read[deviation.axis].name for deviation in alike)
+        names = ", ".join(read[deviation.index].name for deviation in alike)
         text = (
             f"the axes disagree by {off:.2g} standard uncertainties, and which of {names} is off cannot be decided; "
             "add an axis, and check their directions and levers"
         )
     else:
         text = (
-            f"{read[worst.axis].name} disagrees with the other axes by {number(worst.value, UNIT, 2)}, {off:.2g} "
+            f"{read[worst.index].name} disagrees with the other axes by {number(worst.value, UNIT, 2)}, {off:.2g} "
             "standard uncertainties; check its direction, lever and log, or leave it out"
         )
     return Message("axes-disagree", f"{text}. The intervals do not contain this disagreement.")
@@ -214,11 +213,7 @@ def _constrained(fitted: Fit, values: Array) -> Message:
 
 def _notes(axes: Axes, read: Sequence[Axis], tested: Sequence[Deviation | None]) -> list[Message]:
     """What was taken as exact, assumed, or is not checked."""
-    notes = []
-    exact = _exact(axes)
-    if exact:
-        text = f"taken as exact, because no uncertainty was given: {', '.join(exact)}."
-        notes.append(Message("exact-constants", text))
+    notes = exact_constants(_exact(axes), "no uncertainty was given")
     if axes.body.gravity is None and any(table.gravity_torque is not None for table in axes.tables):
         value = f"{UNKNOWN_PLACE.value} ± {UNKNOWN_PLACE.std} m/s²"
         text = f"body.gravity is not stated; {value}, anywhere on the ground, is taken."

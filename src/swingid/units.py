@@ -127,28 +127,6 @@ def _is_calculation(text: str) -> bool:
     return not simple and _OPERATOR.search(text) is not None
 
 
-@dataclass(frozen=True)
-class _Factor:
-    """A number in the base units of `unit` (pint), with a source for each standard uncertainty that was stated."""
-
-    number: Uncertain
-    unit: Any
-
-    def times(self, other: _Factor, power: int = 1) -> _Factor:
-        """Product with a power of another."""
-        if other.number.value == 0.0 and power < 0:
-            raise UnusableError("not-finite", "divides by zero")
-        return _Factor(self.number * other.number**power, self.unit * other.unit**power)
-
-    def plus(self, other: _Factor, sign: int) -> _Factor:
-        """Sum or difference with another."""
-        if self.unit.dimensionality != other.unit.dimensionality:
-            raise UnusableError(
-                "wrong-unit", f"adds {self.unit:~P} and {other.unit:~P}".replace("  ", " pure numbers ")
-            )
-        return _Factor(self.number + sign * other.number, self.unit)
-
-
 _SI_NAMES = "write units as kg, g, m, mm, s, N, N*m, rad, deg"
 _ADVICE_OF_CALCULATION = (
     'write decimal points, * / ^ between the factors and blanks around + and -, as in "9.81 m/s^2 * (0.1 ± 0.001 kg * '
@@ -157,7 +135,10 @@ _ADVICE_OF_CALCULATION = (
 
 
 class _Calculation:
-    """A sum of products of quantities, read by recursive descent; all numbers in it are independent (GUM 5.1.2)."""
+    """A sum of products of quantities, read by recursive descent; all numbers in it are independent (GUM 5.1.2).
+
+    Its parts are quantities of pint in base units, with a source for each standard uncertainty that was stated.
+    """
 
     def __init__(self, text: str) -> None:
         self.shown, self.text, self.at = shown(text), _plain(text), 0
@@ -166,20 +147,22 @@ class _Calculation:
         """The Quantity in the expected SI unit. Raises UnusableError."""
         registry = _registry()
         try:
-            factor = self._sum()
+            total = self._sum()
         except OverflowError:
             raise UnusableError("not-finite", f"must be finite, not {self.shown}") from None
+        except ZeroDivisionError:
+            raise UnusableError("not-finite", "divides by zero") from None
         if self.at < len(self.text):
             raise self._unreadable()
         target = registry.parse_units(expected or "dimensionless")
         if "rad" in expected and _HERTZ.search(self.text):
             raise UnusableError("wrong-unit", _NO_FREQUENCY.format(self.shown))
-        if factor.unit.dimensionality != target.dimensionality:
-            given = f"in {text}" if (text := f"{factor.unit:~P}") else "a pure number"
+        if total.dimensionality != target.dimensionality:
+            given = f"in {text}" if (text := f"{total.units:~P}") else "a pure number"
             raise UnusableError(
                 "wrong-unit", f"is {self.shown}, which is {given}, but is expected in {expected or 'no unit'}"
             )
-        whole = Quantity.of(factor.number * float(registry.convert(1.0, factor.unit, target)))
+        whole = Quantity.of(total.magnitude * float(registry.convert(1.0, total.units, target)))
         if not (math.isfinite(whole.value) and math.isfinite(whole.std or 0.0)):
             raise UnusableError("not-finite", f"must be finite, not {self.shown}")
         return whole
@@ -199,32 +182,34 @@ class _Calculation:
         self.at = match.end()
         return match[0].strip()
 
-    def _sum(self) -> _Factor:
-        factor = self._product()
+    def _sum(self) -> Any:
+        total = self._product()
         while sign := self._took(r" [+-] "):
-            factor = factor.plus(self._product(), 1 if sign == "+" else -1)
-        return factor
+            more = self._product()
+            if total.dimensionality != more.dimensionality:
+                added = f"adds {total.units:~P} and {more.units:~P}".replace("  ", " pure numbers ")
+                raise UnusableError("wrong-unit", added)
+            total = total + more if sign == "+" else total - more
+        return total
 
-    def _product(self) -> _Factor:
-        factor = self._power()
+    def _product(self) -> Any:
+        product = self._power()
         while operator := self._took(r" ?[*/] ?"):
-            factor = factor.times(self._power(), 1 if operator == "*" else -1)
-        return factor
+            factor = self._power()
+            product = product * factor if operator == "*" else product / factor
+        return product
 
-    def _power(self) -> _Factor:
+    def _power(self) -> Any:
         factor = self._atom()
         exponent = self._took(r" ?(?:\^|\*\*) ?-?[1-9]")
-        if exponent is None:
-            return factor
-        unity = _Factor(Uncertain(1.0), _registry().parse_units("dimensionless"))
-        return unity.times(factor, int(exponent.lstrip("^* ")))
+        return factor if exponent is None else factor ** int(exponent.lstrip("^* "))
 
-    def _atom(self) -> _Factor:
+    def _atom(self) -> Any:
         if self._took(r" ?\( ?") is not None:
-            factor = self._sum()
+            total = self._sum()
             if self._took(r" ?\)") is None:
                 raise self._unreadable()
-            return factor.times(self._with_unit(1.0, None))
+            return total * self._with_unit(1.0, None)
         match = _TERM.match(self.text, self.at)
         if match is None:
             raise self._unreadable()
@@ -234,7 +219,7 @@ class _Calculation:
             std *= abs(value) / 100
         return self._with_unit(value, std)
 
-    def _with_unit(self, value: float, std: float | None) -> _Factor:
+    def _with_unit(self, value: float, std: float | None) -> Any:
         """A number with the unit that follows here, if any, in base units."""
         import pint
 
@@ -253,8 +238,9 @@ class _Calculation:
             ) from None
         if float(zero.magnitude) != 0.0:
             raise UnusableError("wrong-unit", f"is {self.shown}, where {text} has another zero than its base unit")
-        factor = float(scaled.magnitude)
-        return _Factor(Quantity(value, std).uncertain(f"number {self.at}") * factor, scaled.units)
+        return registry.Quantity(
+            Quantity(value, std).uncertain(f"number {self.at}") * float(scaled.magnitude), scaled.units
+        )
 
 
 def _plain(text: str) -> str:

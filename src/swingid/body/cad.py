@@ -259,8 +259,8 @@ def _orientation(name: str, inertial: ElementTree.Element, angles: _Angles) -> A
         w, x, y, z = _unit(_numbers(name, text, 4, "quat"), name)
         return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix())
     if (text := inertial.get("axisangle")) is not None:
-        *axis, angle = _numbers(name, text, 4, "axisangle")
-        return np.asarray(Rotation.from_rotvec(angle * angles.unit * _unit(np.array(axis), name)).as_matrix())
+        given = _numbers(name, text, 4, "axisangle")
+        return np.asarray(Rotation.from_rotvec(given[3] * angles.unit * _unit(given[:3], name)).as_matrix())
     if (text := inertial.get("euler")) is not None:
         turn = Rotation.identity()
         for letter, angle in zip(angles.sequence, _numbers(name, text, 3, "euler"), strict=False):

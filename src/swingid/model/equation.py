@@ -40,9 +40,6 @@ TIME_POWERS = {
 }
 """Constants whose unit has a power of the time, with it."""
 
-OF_FORCE = ("kg m^2", "kg", "N m/rad", "N m s^2", "N m s", "N m", "N/m", "N s/m", "N s", "N")
-"""Units in which sentences have inertias, torques, forces and their slopes."""
-
 
 @dataclass(frozen=True)
 class Coefficient:
@@ -162,10 +159,10 @@ class Equation:
 
     def shown(self, unit: str) -> str:
         """A unit as sentences have it: a multiple of the constant that is 1, where nothing sets the scale."""
-        if not self.reference or unit not in OF_FORCE:
+        if not self.reference or not unit.startswith(("N", "kg")) or unit.endswith("/V"):
             return unit
         power = time_power(unit) - TIME_POWERS.get(self.reference, 0)
-        seconds = {0: "", 1: "s"}.get(int(power), f"s^{power:g}")
+        seconds = {0: "", 1: "s"}.get(power, f"s^{power:g}")
         return pretty_unit(f"{seconds} × {name_of(self.reference)}")
 
     @classmethod

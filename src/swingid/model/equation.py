@@ -162,7 +162,7 @@ class Equation:
         if not self.reference or not unit.startswith(("N", "kg")) or unit.endswith("/V"):
             return unit
         power = time_power(unit) - TIME_POWERS.get(self.reference, 0)
-        seconds = {0: "", 1: "s"}.get(power, f"s^{power:g}")
+        seconds = {0.0: "", 1.0: "s"}.get(power, f"s^{power:g}")
         return pretty_unit(f"{seconds} × {name_of(self.reference)}")
 
     @classmethod

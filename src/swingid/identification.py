@@ -236,14 +236,18 @@ class _Identification:
         options = {name: value for name, value in self.options.items() if name != "added"}
         if method.name != "momentum":
             refuse_motor(rig, f"the method {method.name}")
-            text = f"logs with known bodies added are identified by the method momentum, not by {method.name}"
-            raise UsageError(f"{text}; choose that.", code="unknown-option")
+            raise UsageError(
+                "logs with known bodies added are identified by the method momentum, not by "
+                f"{method.name}; choose that.",
+                code="unknown-option",
+            )
         free = turns_freely(rig) and added is None
         if free:
             method.check_options({name: value for name, value in options.items() if name != "friction"})
         elif options:
-            text = f"{', '.join(options)}: no option of one fit to several logs; leave it out."
-            raise UsageError(text, code="no-option")
+            raise UsageError(
+                f"{', '.join(options)}: no option of one fit to several logs; leave it out.", code="no-option"
+            )
         logs = named_recordings([log] if isinstance(log, Recording | LargeLog) else log)
         bodies = None if added is None else bodies_of(added, len(logs), rig)
         if bodies is not None:

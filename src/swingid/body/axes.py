@@ -20,7 +20,7 @@ from swingid.errors import InputError
 from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.numerics.arrays import Array
 from swingid.pooling.runs import GRAVITY
-from swingid.result.data import require_scale
+from swingid.result.data import require_inertia
 from swingid.result.file import load_result
 from swingid.result.result import Message, Result
 from swingid.result.sources import Identity, value_of, values_of
@@ -179,12 +179,7 @@ def _usable(source: Result | str | Path, place: str) -> Result:
     except InputError as error:
         raise InputError(f"{place}: {error.message}", code=error.code) from None
     words = "the result" if isinstance(source, Result) else str(source)
-    require_scale(result, f"{place}: {words}")
-    if result.status == "refused" or "inertia" not in result.parameters:
-        reason = f": {result.error.message.rstrip('.')}" if result.error else ""
-        raise InputError(
-            f"{place}: {words} has no inertia{reason}; identify a log that gives one", code="refused-result"
-        )
+    require_inertia(result, f"{place}: {words}")
     if result.inertia.unit.replace("*", " ") != "kg m^2":
         message = f"{place}: {words} is of a linear axis, in {result.inertia.unit}; give one of a rotary axis"
         raise InputError(message, code="different-units")

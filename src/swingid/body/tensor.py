@@ -168,7 +168,7 @@ def _rows(read: Sequence[Axis], fitting: Fit, tested: Sequence[Deviation | None]
             axis.about_axis.parameter(UNIT),
             measured.parameter(UNIT),
             float(value),
-            None if test is None else test.normalised,
+            None if test is None else test.ratio,
         )
         for axis, measured, test, value in zip(read, fitting.measured, tested, fitted, strict=True)
     )
@@ -185,8 +185,8 @@ def _probability(fitted: Fit) -> float | None:
 
 def _disagreement(worst: Deviation, tested: Sequence[Deviation | None], read: Sequence[Axis]) -> Message:
     """Which axis disagrees with the others; of seven axes none can be named."""
-    off = abs(worst.normalised)
-    alike = [t for t in tested if t is not None and abs(t.normalised) > 0.999 * off]
+    off = abs(worst.ratio)
+    alike = [t for t in tested if t is not None and abs(t.ratio) > 0.999 * off]
     if len(alike) > 1:
         names = ", ".join(read[deviation.index].name for deviation in alike)
         text = (

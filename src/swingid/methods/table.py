@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from swingid.errors import UnanswerableError, UsageError
@@ -142,43 +143,23 @@ class Answers:
         return check
 
 
-def _momentum() -> Callable[..., Result]:
-    from swingid.methods.momentum.method import momentum
-
-    return momentum
-
-
-def _energy() -> Callable[..., Result]:
-    from swingid.methods.energy.method import energy
-
-    return energy
+def _of(package: str) -> Load:
+    """What loads the function of a package beside this file; it can be pickled."""
+    return partial(_function_of, package)
 
 
-def _output_error() -> Callable[..., Result]:
-    from swingid.methods.output_error.method import output_error
-
-    return output_error
-
-
-def _equation_error() -> Callable[..., Result]:
-    from swingid.methods.equation_error.method import equation_error
-
-    return equation_error
-
-
-def _backstepping() -> Callable[..., Result]:
-    from swingid.methods.backstepping.method import backstepping
-
-    return backstepping
+def _function_of(package: str) -> Callable[..., Result]:
+    function: Callable[..., Result] = getattr(import_module(f"swingid.methods.{package}.method"), package)
+    return function
 
 
 _TABLE = (
-    Method("momentum", _momentum, motor="unused", friction="any", speeds="none", in_parts=True, online=True),
-    Method("energy", _energy, motor="needed", friction="basis", speeds="smoothed", turning_points=True, in_parts=True,
-           online=True),
-    Method("output-error", _output_error, motor="optional", friction="law", speeds="none"),
-    Method("equation-error", _equation_error, motor="unused", friction="law", speeds="filtered"),
-    Method("backstepping", _backstepping, motor="needed", friction="viscous", speeds="smoothed", gravity=True,
+    Method("momentum", _of("momentum"), motor="unused", friction="any", speeds="none", in_parts=True, online=True),
+    Method("energy", _of("energy"), motor="needed", friction="basis", speeds="smoothed", turning_points=True,
+           in_parts=True, online=True),
+    Method("output-error", _of("output_error"), motor="optional", friction="law", speeds="none"),
+    Method("equation-error", _of("equation_error"), motor="unused", friction="law", speeds="filtered"),
+    Method("backstepping", _of("backstepping"), motor="needed", friction="viscous", speeds="smoothed", gravity=True,
            drive=True),
 )  # fmt: skip
 

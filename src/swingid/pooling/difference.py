@@ -89,7 +89,8 @@ def difference(
         unit = runs.tare.parameters[GRAVITY_TORQUE].unit
         values[GRAVITY_TORQUE] = second[GRAVITY_TORQUE] - first[GRAVITY_TORQUE], unit
     notes = [Message("difference", f"{runs.names[1]} less {runs.names[0]}.")]
-    notes += [*_exact(mass=body and body[0], distance=body and body[1]), *_exact_in(runs), *runs.notes]
+    exact = (m for run in runs.each for m in run.notes if m.code in ("exact-constants", "no-uncertainty-inertia"))
+    notes += [*_exact(mass=body and body[0], distance=body and body[1]), *dict.fromkeys(exact), *runs.notes]
     doubts: list[Message] = []
     if known is not None:
         what = _quantity(known, "kg" if runs.unit == "kg" else "kg*m^2", "known")
@@ -203,12 +204,6 @@ def _of_runs(runs: Runs) -> list[Message]:
         for result, name in zip(runs.each, runs.names, strict=True)
         for m in result.warnings
     ]
-
-
-def _exact_in(runs: Runs) -> list[Message]:
-    """Which constants of the rig the two runs took as exact."""
-    codes = ("exact-constants", "no-uncertainty-inertia")
-    return list(dict.fromkeys(m for result in runs.each for m in result.notes if m.code in codes))
 
 
 def _exact(**given: Quantity | None) -> list[Message]:

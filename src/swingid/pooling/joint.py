@@ -28,11 +28,6 @@ PAIR = ("inertia", "gravity_torque")
 SCATTER = "scatter of the logs, inertia and gravity torque together"
 
 
-def is_joint(results: Sequence[Result]) -> bool:
-    """Return whether every result holds the pair with its covariance."""
-    return all(set(PAIR) <= set(result.covariance_of_fit) and set(PAIR) <= set(result.parameters) for result in results)
-
-
 @dataclass(frozen=True)
 class Pairs:
     """The pairs of n logs: values (n, 2), type A covariances (n, 2, 2), estimates of type B alone (2 n, log by log)."""
@@ -198,7 +193,8 @@ class Common:
             name: estimates_of(groups[name in PAIR], name, scatter_is_shared=scatter_is_shared) for name in names
         }
         pooled = {name: pool(each, between) for name, each in estimates.items()}
-        pairs = Pairs.of(results, estimates) if is_joint(results) else None
+        joint = all({*PAIR} <= {*result.covariance_of_fit} & {*result.parameters} for result in results)
+        pairs = Pairs.of(results, estimates) if joint else None
         for name in set(pooled).difference(PAIR):
             weights = np.zeros(len(results))
             weights[list(alike)] = pooled[name].weights

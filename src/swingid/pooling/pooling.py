@@ -124,9 +124,14 @@ class Deviation:
         return cls(index, gap.value, math.hypot(gap.u, 1e-9 * abs(value.value)))
 
     @property
-    def normalised(self) -> float:
-        """In standard uncertainties; half of it is E_n of ISO 13528 (9.7) and ISO/IEC 17043, with k = 2."""
+    def ratio(self) -> float:
+        """In standard uncertainties."""
         return self.value / self.u if self.u else math.copysign(math.inf, self.value)
+
+    @property
+    def normalised(self) -> float:
+        """E_n of ISO 13528 (9.7) and ISO/IEC 17043: the deviation over its expanded uncertainty, k = 2."""
+        return self.ratio / 2
 
 
 def worst_beyond_chance(tested: Iterable[Deviation | None]) -> Deviation | None:
@@ -134,8 +139,8 @@ def worst_beyond_chance(tested: Iterable[Deviation | None]) -> Deviation | None:
     known = [deviation for deviation in tested if deviation is not None]
     if not known:
         return None
-    worst = max(known, key=lambda deviation: abs(deviation.normalised))
-    return worst if abs(worst.normalised) > family_level(len(known)) else None
+    worst = max(known, key=lambda deviation: abs(deviation.ratio))
+    return worst if abs(worst.ratio) > family_level(len(known)) else None
 
 
 def deviations(estimates: Sequence[Uncertain]) -> list[Deviation]:

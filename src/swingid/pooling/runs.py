@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from swingid.errors import InputError
-from swingid.result.data import require_scale
+from swingid.result.data import require_inertia
 from swingid.result.file import load_result
 from swingid.result.result import Message, Result
 from swingid.result.sources import values_of
@@ -71,11 +71,7 @@ class Runs:
 def _require_same(tare: Result, loaded: Result, names: tuple[str, str], *, ratios: bool) -> None:
     """Raise InputError where one has no inertia, or the two are not of one kind."""
     for result, name in zip((tare, loaded), names, strict=True):
-        if not ratios:
-            require_scale(result, name)
-        if result.status == "refused" or result.leading not in result.parameters:
-            reason = f": {result.error.message.rstrip('.')}" if result.error else ""
-            raise InputError(f"{name} has no inertia{reason}; identify a log that gives one.", code="refused-result")
+        require_inertia(result, name, ratios=ratios)
     if tare.method != loaded.method:
         raise InputError(
             f"{names[0]} is by {tare.method} and {names[1]} by {loaded.method}, whose errors do not cancel; "

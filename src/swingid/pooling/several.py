@@ -211,13 +211,18 @@ def conditioning(inertia: Parameter, budget: Sequence[BudgetEntry]) -> list[Mess
     """Return whether the logs together distinguish inertia from gravity torque."""
     scatter = sum(e.standard_uncertainty**2 for e in budget if e.parameter == "inertia" and e.type == "A") ** 0.5
     relative = scatter / max(abs(inertia.value), 1e-300)
-    advice = "or give axis.gravity_torque."
     if inertia.value <= 0 or relative > HOPELESS:
-        text = f"inertia and gravity torque are collinear in all these logs; add one of another frequency, {advice}"
-        raise UnanswerableError(text, code="not-identifiable")
+        raise UnanswerableError(
+            "inertia and gravity torque are collinear in all these logs; add one of another frequency, "
+            "or give axis.gravity_torque.",
+            code="not-identifiable",
+        )
     if relative <= HARDLY:
         return []
-    text = f"inertia and gravity torque are hardly distinguishable in these logs; add one of another frequency {advice}"
+    text = (
+        "inertia and gravity torque are hardly distinguishable in these logs; add one of another frequency "
+        "or give axis.gravity_torque."
+    )
     return [Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA)]
 
 
@@ -253,7 +258,7 @@ def _disagreement(parameter: str, estimates: list[Uncertain], names: Sequence[st
     advice = "the uncertainty of the common value contains the scatter; check what differs between these runs"
     if len(named) == len(estimates) == 2:
         first, second = (plus_minus(e.value, e.u, unit) for e in estimates)
-        gap = abs(named[0].normalised / 2)
+        gap = abs(named[0].normalised)
         return (
             f"{names[0]} and {names[1]} disagree in {parameter}: {first} and {second}, En = {gap:.2g}, more than their "
             f"intervals allow; {advice}."
@@ -264,7 +269,7 @@ def _disagreement(parameter: str, estimates: list[Uncertain], names: Sequence[st
         return f"the logs disagree in {parameter} by up to {spread} and no majority of them agrees; {advice}."
     listed = ", ".join(
         f"{names[d.index]} ({percent(d.value / (estimates[d.index].value - d.value), sign=True)}, "
-        f"En = {abs(d.normalised / 2):.2g})"
+        f"En = {abs(d.normalised):.2g})"
         for d in named
     )
     verb, those = ("disagrees", "it") if len(named) == 1 else ("disagree", "them")

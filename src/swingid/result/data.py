@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from swingid.errors import UnanswerableError
+from swingid.errors import InputError, UnanswerableError
 from swingid.numerics.arrays import Array, robust_spread
 from swingid.recording.findings import Kind
 from swingid.result.origin import Origin
@@ -276,6 +276,15 @@ def require_scale(result: ResultData, name: str) -> None:
             "without and with a known body, to swingid difference --known.",
             code="no-scale",
         )
+
+
+def require_inertia(result: ResultData, name: str, *, ratios: bool = False) -> None:
+    """Raise InputError for a result without a number, and, but with `ratios`, UnanswerableError as `require_scale`."""
+    if not ratios:
+        require_scale(result, name)
+    if result.status == "refused" or result.leading not in result.parameters:
+        reason = f": {result.error.message.rstrip('.')}" if result.error else ""
+        raise InputError(f"{name} has no inertia{reason}; identify a log that gives one.", code="refused-result")
 
 
 def plain(value: Any) -> Any:

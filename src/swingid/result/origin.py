@@ -41,7 +41,7 @@ class Origin:
             several=several,
             constants={key: _quantity(value) for key, value in stated.items() if _is_number(value.get("value"))},
             made_of={key: _table(parts) for key, parts in _table(provenance.get("made_of")).items()},
-            found={key: float(value) for key, value in _table(provenance.get("constants_found")).items()},
+            found={key: value for key, value in _table(provenance.get("constants_found")).items() if _is_number(value)},
             options=_table(provenance.get("options")),
             noise=_table(_table(provenance.get("preparation")).get("noise")),
             result=str(provenance.get("result") or ""),

@@ -37,7 +37,7 @@ def summarise(result: ResultData) -> str:
     """
     if result.status == "refused":
         reason = result.error.message if result.error else "the method gave no reason."
-        return f"{result.method}: no number, because {_as_clause(reason)}"
+        return f"{result.method}: no number, because {' '.join(reason.split()).rstrip('.')}."
     parts = [
         ("Identification", _identification(result)),
         ("Parameters", _parameters(result)),
@@ -292,11 +292,6 @@ def _wrapped(text: str, first: str, rest: str | None = None) -> list[str]:
         break_long_words=False,
         break_on_hyphens=False,
     )
-
-
-def _as_clause(sentence: str) -> str:
-    """A sentence to stand after 'because': no line breaks, one full stop."""
-    return " ".join(sentence.split()).rstrip(".") + "."
 
 
 def of_several(result: ResultData) -> str:

@@ -219,7 +219,8 @@ class _Identification:
         """The result of one log, to whose findings `more` are added."""
         identify_one = partial(self.method.identify, rig=self.rig, options=self.options)
         if isinstance(log, Recording):
-            log = replace(log, findings=(*log.findings, *more)) if more else log
+            done = log.done | {finding.repair for finding in more if finding.repair}
+            log = replace(log, findings=(*log.findings, *more), done=done) if more else log
             return identify_one(log, one_of_several=one_of_several, momentum=self.momentum)
         from swingid.pooling.in_parts import identify_large, require_in_parts
 

@@ -98,14 +98,16 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     for row in rows:
         *start, last = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
         indent = "    " + "".join(cell + "  " for cell in start)
-        lines += textwrap.wrap(
-            last.rstrip() or " ",
-            max(WIDTH, len(indent) + LEAST),
-            initial_indent=indent,
-            subsequent_indent=" " * len(indent),
-            break_on_hyphens=False,
-            break_long_words=False,
-        ) or [indent.rstrip()]
+        width = max(WIDTH, len(indent) + LEAST)
+        lines += wrapped(last.rstrip() or " ", indent, " " * len(indent), width) or [indent.rstrip()]
+    return lines
+
+
+def wrapped(text: str, first: str = "    ", rest: str = "      ", width: int = WIDTH) -> list[str]:
+    """Lines of a text for a terminal, the first and the others indented; no word is parted, nor what is to stay."""
+    lines = textwrap.wrap(
+        text, width, initial_indent=first, subsequent_indent=rest, break_long_words=False, break_on_hyphens=False
+    )
     return [line.replace(NO_BREAK, " ") for line in lines]
 
 

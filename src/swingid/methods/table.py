@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 from swingid.errors import UnanswerableError, UsageError
 
@@ -106,20 +106,11 @@ def _agreed(method: Callable[..., Result], check: MomentumCheck, **options: obje
     return result if check.read.one_of_several else require_agreement(result, check.read.equation)
 
 
-class _Kept(NamedTuple):
-    """Momentum's answer to a log on a rig."""
-
-    log: Recording
-    rig: Rig
-    one_of_several: bool
-    check: MomentumCheck
-
-
 class Answers:
     """Momentum's answers to a log, with which all methods are compared; each is made once, on first use."""
 
     def __init__(self) -> None:
-        self._kept: list[_Kept] = []
+        self._kept: list[tuple[Recording, Rig, bool, MomentumCheck]] = []
 
     def forget(self) -> None:
         """Make the answers anew."""
@@ -132,14 +123,14 @@ class Answers:
         from swingid.checks.momentum import MomentumCheck
         from swingid.preparation.prepared import prepare
 
-        for entry in () if options else self._kept:
-            if entry.log is log and entry.rig == rig and entry.one_of_several == one_of_several:
-                return entry.check
+        for kept_log, kept_rig, several, check in () if options else self._kept:
+            if kept_log is log and kept_rig == rig and several == one_of_several:
+                return check
         prepared = prepare(log, rig, one_of_several=one_of_several)
         check = MomentumCheck(prepared, partial(_agreed, METHODS[DEFAULT].load()), options)
         if not options:
-            self._kept = [entry for entry in self._kept if entry.log is log]  # logs come one after the other
-            self._kept.append(_Kept(log, rig, one_of_several, check))
+            self._kept = [entry for entry in self._kept if entry[0] is log]  # logs come one after the other
+            self._kept.append((log, rig, one_of_several, check))
         return check
 
 

@@ -116,7 +116,7 @@ def corrected(log: Recording, rig: Rig) -> tuple[Recording, Encoders, tuple[Corr
     """
     encoders = Encoders.of(rig, log)
     log, late = _latencies(log, rig)
-    by_log = "calibrate" not in log.repairs_off and any(finding.repair == "calibrate" for finding in log.findings)
+    by_log = "calibrate" in log.done
     origin: Origin = "switched off" if REPAIR in log.repairs_off else "found" if by_log else "stated"
     channels: list[tuple[Channel, Sensor]] = [("angle", encoders.angle)]
     if log.wheel_angle is not None:
@@ -158,10 +158,9 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
     Unchanged where none is known, where it was done before, and where the repair "encoders" is switched off. A warning
     where a large one of a rotary axis' encoder is declared without values.
     """
-    done = any(finding.repair == REPAIR or finding.code == UNKNOWN for finding in log.findings)
-    if done or REPAIR in log.repairs_off:
+    if REPAIR in log.done | log.repairs_off:
         return log
-    log = _polled(log, encoders.wheel)
+    log = replace(_polled(log, encoders.wheel), done=log.done | {REPAIR})
     angle, wheel, sizes = log.angle, log.wheel_angle, []
     axis, other = encoders.angle, encoders.wheel
     if axis.cosine.value or axis.sine.value:

@@ -56,8 +56,8 @@ BLIND = 0.15
 LEAST = 0.25
 """Of the time of a swing that is excluded at least, so that methods do not interpolate over the gap."""
 
-OTHER = ("jumps", "spikes-left", "push", LEFT_IN)
-"""Findings of a log that is not searched: wrong readings are not distinguishable from pushes, or it was done before."""
+OTHER = ("jumps", "spikes-left")
+"""Findings of a log that is not searched: wrong readings are not distinguishable from pushes."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction,
     Where the repair "push" is switched off, where most pushes are not detectable, and where there are too many to be
     pushes, the rows stay, with a warning. Unchanged where there is none and where it was done before.
     """
-    if any(finding.code in OTHER for finding in log.findings):
+    if REPAIR in log.done or any(finding.code in OTHER for finding in log.findings):
         return log, tuple(Correction("rows", "push", None, None, unit(rig), "found", *span) for span in log.left_out)
     pushes = find_pushes(log, rig)
     if not pushes:
@@ -92,7 +92,8 @@ def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction,
     reason = _reason_to_leave(pushes, log)
     if reason:
         finding = Finding(LEFT_IN, f"{_listed(pushes, rig)}{reason}", "warning", spans=_spans(pushes))
-        return replace(log, findings=(*log.findings, finding)), _corrections(pushes, rig, "switched off")
+        log = replace(log, findings=(*log.findings, finding), done=log.done | {REPAIR})
+        return log, _corrections(pushes, rig, "switched off")
     acts = np.zeros(len(log), dtype=bool)
     for push in pushes:
         acts |= (log.time >= push.start) & (log.time <= push.stop)
@@ -104,8 +105,9 @@ def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction,
     level: Literal["note", "warning"] = "warning" if unseen > BLUNT else "note"
     finding = Finding(REPAIR, f"{message}.", level, REPAIR, spans=_spans(pushes))
     kept = {name: values[~acts] for name in CHANNELS if (values := getattr(log, name)) is not None}
-    spans = np.array(finding.spans)
-    return replace(log, findings=(*log.findings, finding), left_out=spans, **kept), _corrections(pushes, rig, "found")
+    findings, done, spans = (*log.findings, finding), log.done | {REPAIR}, np.array(finding.spans)
+    log = replace(log, findings=findings, done=done, left_out=spans, **kept)
+    return log, _corrections(pushes, rig, "found")
 
 
 def _spans(pushes: list[Push]) -> tuple[tuple[float, float], ...]:

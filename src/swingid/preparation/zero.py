@@ -63,7 +63,7 @@ def centred(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction, ...]
     hangs = not held if b else len(held) == 1 and rig.axis.suspension is not None
     if rig.drive.channel is not None or rig.axis.kind != "rotary" or not hangs or isinstance(gravity, str):
         return log, ()
-    if any(finding.kind is Kind.ANGLE_ZERO for finding in log.findings):
+    if REPAIR in log.done:
         return log, ()
     noise = channel_noise(log, rig)
     try:
@@ -89,4 +89,5 @@ def centred(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction, ...]
     )
     reference = None if log.reference is None else log.reference - centre
     note = Finding("zero-corrected", text, "note", REPAIR, Kind.ANGLE_ZERO)
-    return replace(log, angle=log.angle - centre, reference=reference, findings=(*log.findings, note)), (kept,)
+    findings, done = (*log.findings, note), log.done | {REPAIR}
+    return replace(log, angle=log.angle - centre, reference=reference, findings=findings, done=done), (kept,)

@@ -66,6 +66,8 @@ class Recording:
         Whether a user chose these rows, all of which are used.
     repairs_off : frozenset of str
         Repairs that are switched off, also those that a method would make (`findings.REPAIRS`).
+    done : frozenset of str
+        Repairs that a method made, which it does not make again.
 
     Raises
     ------
@@ -101,6 +103,7 @@ class Recording:
     bridge: Array | None = None
     selected: bool = False
     repairs_off: frozenset[str] = frozenset()
+    done: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         for name in CHANNELS:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator
 from math import sqrt
 from pathlib import Path
@@ -11,7 +10,6 @@ from swingid.format import interval, number, percent, plus_minus
 from swingid.result.data import ResultData
 from swingid.result.summary import (
     AGREEMENT,
-    WIDTH,
     counted,
     log_row,
     of_several,
@@ -20,13 +18,11 @@ from swingid.result.summary import (
     sorted_budget,
     summarise,
 )
+from swingid.table import NO_BREAK, wrapped
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 MOST_PARAMETERS, MOST_LOGS, MOST_SHARES, MOST_NOTES = 3, 3, 3, 5
 """Lines for parameters beside the first, for logs and contributions, and names of notes; in all at most 15 lines."""
-
-KEPT = "\N{NO-BREAK SPACE}"
-"""In place of a space at which no line may end, while lines are broken."""
 
 STATUS = {
     "ok": "ok, no check found anything that matters",
@@ -188,11 +184,4 @@ def _notes(result: ResultData) -> Iterator[tuple[str, str]]:
 
 def _wrapped(text: str, further: str) -> list[str]:
     """Lines of `text`, with no number parted from its percent sign, or from a ± before it."""
-    lines = textwrap.wrap(
-        text.replace(" %", f"{KEPT}%").replace("± ", f"±{KEPT}"),
-        WIDTH,
-        subsequent_indent=further,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-    return [line.replace(KEPT, " ") for line in lines]
+    return wrapped(text.replace(" %", f"{NO_BREAK}%").replace("± ", f"±{NO_BREAK}"), "", further)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Sequence
 
 from swingid.format import interval, number, percent, plus_minus
 from swingid.result.data import Details, Message, ResultData
+from swingid.table import wrapped
 from swingid.uncertainty.budget import BudgetEntry, Parameter, combined
 from swingid.uncertainty.freedom import MANY
 
-WIDTH = 100
 MOST_ENTRIES, MOST_LAWS = 10, 6
 """Budget entries and friction laws beyond this many are counted, not listed."""
 
@@ -111,7 +110,7 @@ def _parameters(result: ResultData) -> list[str]:
         text = f"    {name + ':':<{names}} {values[name]:<{wide}}"
         if parameter.standard_uncertainty is None:
             text += "  (uncertainty unknown)"
-            unknown += _wrapped(f"{name} has no uncertainty: {why_unknown(result, name)}", "      ")
+            unknown += wrapped(f"{name} has no uncertainty: {why_unknown(result, name)}", "      ", "        ")
         else:
             text += f"  {'(' + relative(parameter) + ')':<10}"
         if parameter.interval95 is not None:
@@ -219,10 +218,10 @@ def _distributions(result: ResultData) -> list[str]:
     for name, distribution in drawn.parameters.items():
         value = plus_minus(distribution.mean, distribution.standard_uncertainty, result.parameters[name].unit)
         ends = interval(distribution.interval95, middle=distribution.mean)
-        lines += _wrapped(f"{name}: {value}  shortest 95 %: {ends}; {AGREEMENT[distribution.agrees]}", "    ", "      ")
+        lines += wrapped(f"{name}: {value}  shortest 95 %: {ends}; {AGREEMENT[distribution.agrees]}")
     missing = [name for name in result.parameters if name not in drawn.parameters]
     if missing:
-        lines += _wrapped(f"no distribution: {', '.join(missing)} (most draws have another friction law)", "    ")
+        lines += wrapped(f"no distribution: {', '.join(missing)} (most draws have another friction law)")
     return lines
 
 
@@ -280,18 +279,7 @@ def _kinds(result: ResultData) -> list[str]:
 
 def message_lines(messages: Sequence[Message]) -> list[str]:
     """Warnings or notes, each with its code."""
-    return [line for message in messages for line in _wrapped(f"{message.code}: {message.message}", "    ", "      ")]
-
-
-def _wrapped(text: str, first: str, rest: str | None = None) -> list[str]:
-    return textwrap.wrap(
-        text,
-        WIDTH,
-        initial_indent=first,
-        subsequent_indent=first + "  " if rest is None else rest,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    return [line for message in messages for line in wrapped(f"{message.code}: {message.message}")]
 
 
 def of_several(result: ResultData) -> str:

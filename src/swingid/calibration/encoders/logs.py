@@ -79,8 +79,9 @@ class CalibrationLog:
         choice = choose(Signals.of(part.log, rig, part.motion, part.encoders), rig, prepared.equation, part.noise)
         check_sign(choice.law, log.source.path or "the log", live=log.is_live)
         late = part.motion.turning_times - choice.signals.motion.turning_times
-        # findings and switches would keep `straightened` from correcting the readings again in each step
-        return cls(replace(part.log, findings=(), repairs_off=frozenset()), part.noise, choice.law, late)
+        # `straightened` corrects the readings again in each step
+        log = replace(part.log, done=frozenset(), repairs_off=frozenset())
+        return cls(log, part.noise, choice.law, late)
 
     def signals(self, rig: Rig) -> Signals:
         """The signals with the encoders as `rig` states them."""

@@ -47,9 +47,8 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
     """
     before = _warnings(result)
     kinds = {warning.kind for warning in before}
-    done = any(finding.repair == REPAIR for log in logs for finding in log.findings)
-    switched_off = any(REPAIR in log.repairs_off for log in logs)
-    if not kinds & CAUSES or (Kind.GRAVITY_TORQUE in kinds and len(logs) == 1) or done or switched_off:
+    past = any(REPAIR in log.done | log.repairs_off for log in logs)
+    if not kinds & CAUSES or (Kind.GRAVITY_TORQUE in kinds and len(logs) == 1) or past:
         return result
     try:
         better, text = _encoders(logs, rig) if Kind.ENCODER_NONLINEARITY in kinds else _latency(rig)

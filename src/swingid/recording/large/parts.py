@@ -233,6 +233,7 @@ def _recording(part: _Part, reading: Reading) -> Recording | SwingidError:
             metadata={},
             selected=False,
             repairs_off=off,
+            done=frozenset(),
         )
     except SwingidError as error:
         return error

@@ -130,21 +130,14 @@ def read_axes(axes: Axes, results: Sequence[Result | str | Path] = ()) -> tuple[
 
     results: for the axes that name none, in their order. Raises InputError that names file, axis and key.
     """
-    loaded, identities = _results(axes, results), Identities()
-    body = _BodyValues.of(axes)
-    messages: list[Message] = []
-    read = []
-    for k, table in enumerate(axes.tables):
-        result, name = loaded[k], axes.names[k]
-        values = _Reading(axes, k, result, identities)
-        about = values.inertia()
-        central, across = _central(axes, k, about, values, body)
-        rotation = axes.mountings.get(table.mounting or "", 0.0)
-        direction = axes.directions[k]
-        read.append(Axis(name, direction, about, central, across, table.tilt or 0.0, table.mounting, rotation))
-        if result is not None:
-            messages += [Message(m.code, f"{name}: {m.message}", m.kind) for m in result.warnings]
-    return read, identities, messages
+    identities = Identities()
+    readings = [_Reading(axes, k, result, identities) for k, result in enumerate(_results(axes, results))]
+    messages = [
+        Message(m.code, f"{reading.name}: {m.message}", m.kind)
+        for reading in readings
+        for m in (() if reading.result is None else reading.result.warnings)
+    ]
+    return [reading.axis() for reading in readings], identities, messages
 
 
 def _results(axes: Axes, results: Sequence[Result | str | Path]) -> list[Result | None]:
@@ -189,27 +182,6 @@ def _usable(source: Result | str | Path, place: str) -> Result:
     return result
 
 
-@dataclass(frozen=True)
-class _BodyValues:
-    """Mass, gravity and centre of mass, one quantity for all axes; None where not stated."""
-
-    mass: Uncertain | None
-    gravity: Uncertain
-    centre: tuple[Uncertain, ...] | None
-
-    @classmethod
-    def of(cls, axes: Axes) -> _BodyValues:
-        body = axes.body
-        centre = body.centre_of_mass
-        return cls(
-            None if body.mass is None else shared(body.mass, "body.mass"),
-            shared(body.gravity or UNKNOWN_PLACE, "body.gravity"),
-            None if centre is None else tuple(
-                shared(part, f"body.centre_of_mass.{name}") for part, name in zip(centre, "xyz", strict=True)
-            ),
-        )  # fmt: skip
-
-
 def shared(quantity: Quantity, key: str) -> Uncertain:
     """A stated quantity that is one and the same for all axes."""
     return quantity.uncertain(key) if quantity.std else Uncertain(quantity.value)
@@ -235,9 +207,21 @@ class _Reading:
     def table(self) -> AxisTable:
         return self.axes.tables[self.k]
 
+    @property
+    def name(self) -> str:
+        return self.axes.names[self.k]
+
+    def axis(self) -> Axis:
+        """The axis, with its inertia about itself and about its parallel through the centre of mass."""
+        table, about = self.table, self.inertia()
+        central, across = self.central(about)
+        rotation = self.axes.mountings.get(table.mounting or "", 0.0)
+        direction = self.axes.directions[self.k]
+        return Axis(self.name, direction, about, central, across, table.tilt or 0.0, table.mounting, rotation)
+
     def inertia(self) -> Uncertain:
         """About the axis, less the fixture."""
-        name, table = self.axes.names[self.k], self.table
+        name, table = self.name, self.table
         if self.result is not None:
             whole = _inertia_of(self.result, self.identities.of(self.result, name), name)
         else:
@@ -265,9 +249,45 @@ class _Reading:
         name = f"fixture {given}"
         return _inertia_of(result, self.identities.of(result, name), name), result, name
 
+    def central(self, about: Uncertain) -> tuple[Uncertain, Array]:
+        """The inertia about the parallel through the centre of mass, and `across` of the axis."""
+        body, table, n = self.axes.body, self.table, self.axes.directions[self.k]
+        across = np.zeros((3, 3))
+        if body.mass is None:
+            return about, across
+        mass = shared(body.mass, "body.mass")
+        m = mass.value
+        if table.distance is not None:
+            d = _own(table.distance, f"{self.name}: distance", "distance of an axis")
+            lever, spread = mass * d**2, np.array([[m * d.u**2]])
+        elif table.point is not None:
+            places = zip(body.centre_of_mass or (), "xyz", strict=True)
+            centre = [shared(part, f"body.centre_of_mass.{letter}") for part, letter in places]
+            points = [_own(part, f"{self.name}: point {i}", "place of an axis") for i, part in enumerate(table.point)]
+            r = np.array([c.value - p.value for c, p in zip(centre, points, strict=True)])
+            normal = np.eye(3) - np.outer(n, n)
+            off = [weighted_sum((*centre, *points), row) for row in np.hstack([normal, -normal])]
+            lever = mass * sum((length**2 for length in off), Uncertain(0.0))
+            across = m * (float(r @ r) * np.eye(3) - np.outer(r, r))
+            plane = np.stack(perpendicular(n))
+            both = np.diag([c.u**2 + p.u**2 for c, p in zip(centre, points, strict=True)])
+            spread = m * plane @ both @ plane.T
+        else:
+            b, g = self.gravity_torque(), shared(body.gravity or UNKNOWN_PLACE, "body.gravity")
+            lever, spread = b**2 / mass / g**2, np.array([[b.u**2 / (m * g.value**2)]])
+        central = about - lever
+        if central.value <= 0:
+            raise InputError(
+                f"{self.axes.place(self.k)}: m d^2 = {lever.value:.4g} kg m^2 is more than the inertia about the axis, "
+                f"{about.value:.4g} kg m^2; check mass, units and the distance of the centre of mass",
+                code="parallel-axis",
+            )
+        further = _second_order(spread, f"{self.name}: lever")
+        return (central + further if further.u else central), across
+
     def gravity_torque(self) -> Uncertain:
         """The gravity torque of the body about the axis, less the fixture's."""
-        given, name = self.table.gravity_torque, self.axes.names[self.k]
+        given, name = self.table.gravity_torque, self.name
         if isinstance(given, Quantity):
             return _own(given, f"{name}: gravity torque", "gravity torque of an axis")
         assert self.result is not None
@@ -318,42 +338,6 @@ def _identified_torque(result: Result, identity: Identity, name: str) -> Uncerta
     if r:
         known += r * spread / size * replace(inertia.of_type("A"), value=0.0)
     return known + Uncertain.of(0.0, spread * math.sqrt(1 - r * r), alone, f"{name}: gravity torque alone")
-
-
-def _central(axes: Axes, k: int, about: Uncertain, values: _Reading, body: _BodyValues) -> tuple[Uncertain, Array]:
-    """The inertia about the parallel through the centre of mass, and `across` of the axis."""
-    table, name, n = axes.tables[k], axes.names[k], axes.directions[k]
-    across = np.zeros((3, 3))
-    if body.mass is None:
-        return about, across
-    mass = body.mass
-    m = mass.value
-    if table.distance is not None:
-        d = _own(table.distance, f"{name}: distance", "distance of an axis")
-        lever, spread = mass * d**2, np.array([[m * d.u**2]])
-    elif table.point is not None:
-        assert body.centre is not None
-        points = [_own(part, f"{name}: point {i}", "place of an axis") for i, part in enumerate(table.point)]
-        r = np.array([c.value - p.value for c, p in zip(body.centre, points, strict=True)])
-        normal = np.eye(3) - np.outer(n, n)
-        off = [weighted_sum((*body.centre, *points), row) for row in np.hstack([normal, -normal])]
-        lever = mass * sum((length**2 for length in off), Uncertain(0.0))
-        across = m * (float(r @ r) * np.eye(3) - np.outer(r, r))
-        plane = np.stack(perpendicular(n))
-        both = np.diag([c.u**2 + p.u**2 for c, p in zip(body.centre, points, strict=True)])
-        spread = m * plane @ both @ plane.T
-    else:
-        b, g = values.gravity_torque(), body.gravity
-        lever, spread = b**2 / mass / g**2, np.array([[b.u**2 / (m * g.value**2)]])
-    central = about - lever
-    if central.value <= 0:
-        raise InputError(
-            f"{axes.place(k)}: m d^2 = {lever.value:.4g} kg m^2 is more than the inertia about the axis, "
-            f"{about.value:.4g} kg m^2; check mass, units and the distance of the centre of mass",
-            code="parallel-axis",
-        )
-    further = _second_order(spread, f"{name}: lever")
-    return (central + further if further.u else central), across
 
 
 def _second_order(spread: Array, key: str) -> Uncertain:

@@ -57,13 +57,6 @@ def _values(evaluated: Evaluated, group: str) -> dict[str, Uncertain]:
     return values_of(evaluated, known, lambda entry: entry.shared_id or f"{group}: {entry.source}")
 
 
-def evaluated_of(values: Mapping[str, Uncertain], units: Mapping[str, str]) -> Evaluated:
-    """Parameters by values with their sources: intervals, budget, correlation."""
-    parameters = {name: value.parameter(units[name]) for name, value in values.items()}
-    budget = [entry for name, value in values.items() for entry in value.entries(name)]
-    return Evaluated(parameters, budget, correlation_of(list(values), covariance(list(values.values()))))
-
-
 def result_of(
     method: str,
     logs: Sequence[Recording],

@@ -13,8 +13,8 @@ from swingid.pooling.runs import Runs
 from swingid.result.provenance import exact_constants
 from swingid.result.result import Message, Result
 from swingid.result.sources import is_correlated
-from swingid.uncertainty.budget import Parameter, correlation_of, stated
-from swingid.uncertainty.uncertain import Uncertain, covariance
+from swingid.uncertainty.budget import stated
+from swingid.uncertainty.uncertain import Uncertain, evaluated
 from swingid.units import Quantity, parse_quantity
 
 GRAVITY_TORQUE = "gravity_torque"
@@ -111,22 +111,18 @@ def _result(
         for run in runs.each
         if (stated := run.parameters.get(renamed.get(name, name))) is not None and stated.standard_uncertainty is None
     }
-    known = [name for name in values if name not in unsure]
-    if not all(is_correlated(run, ("inertia", GRAVITY_TORQUE)) for run in runs.each if not run.ratios):
-        known = [name for name in known if name != GRAVITY_TORQUE]
+    correlated = all(is_correlated(run, ("inertia", GRAVITY_TORQUE)) for run in runs.each if not run.ratios)
+    answer = evaluated(values, unsure, alone=() if correlated else (GRAVITY_TORQUE,))
     warnings = [*_of_runs(runs), *doubts]
     return Result(
         method="difference",
         status="warning" if warnings else "ok",
-        parameters={
-            name: Parameter.of(value.value, None if name in unsure else value.u, unit, value.freedom)
-            for name, (value, unit) in values.items()
-        },
+        parameters=answer.parameters,
         warnings=tuple(warnings),
         notes=tuple(notes),
-        budget=tuple(entry for name, (value, _) in values.items() for entry in value.entries(name)),
+        budget=tuple(answer.budget),
         provenance=_provenance(runs, options),
-        correlation=correlation_of(known, covariance([values[name][0] for name in known])),
+        correlation=answer.correlation,
     )
 
 

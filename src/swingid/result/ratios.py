@@ -17,8 +17,8 @@ from swingid.numerics.arrays import Array
 from swingid.result.data import Details
 from swingid.result.result import Result
 from swingid.result.sources import values_of
-from swingid.uncertainty.budget import BudgetEntry, Parameter, correlation_of
-from swingid.uncertainty.uncertain import Uncertain, covariance
+from swingid.uncertainty.budget import BudgetEntry, Evaluated, Parameter
+from swingid.uncertainty.uncertain import Uncertain, evaluated
 from swingid.units import Quantity
 
 OVER_INERTIA = {
@@ -96,36 +96,29 @@ def transformed(result: Result, ratios: list[Ratio]) -> Result:
     """The result with these parameters in the place of its own; their budget, correlation and degrees of freedom."""
     old, values = result.parameters, values_of(result, result.parameters)
     ratios = [ratio for ratio in ratios if all(math.isfinite(values[name].value) for name in ratio.powers)]
-    by_name = {ratio.name: ratio.of(values) for ratio in ratios}
-    known = [r for r in ratios if all(old[name].standard_uncertainty is not None for name in r.powers)]
-    sure = {ratio.name: by_name[ratio.name] for ratio in known}
+    unsure = [r.name for r in ratios if any(old[name].standard_uncertainty is None for name in r.powers)]
+    answer = evaluated({ratio.name: (ratio.of(values), ratio.unit) for ratio in ratios}, unsure)
     return replace(
         result,
-        parameters={
-            ratio.name: by_name[ratio.name].parameter(ratio.unit)
-            if ratio.name in sure
-            else Parameter.of(by_name[ratio.name].value, None, ratio.unit)
-            for ratio in ratios
-        },
-        budget=tuple(
-            entry for name, value in by_name.items() for entry in _ordered(value.entries(name), result.budget)
-        ),
-        correlation=correlation_of(list(sure), covariance(list(sure.values()))),
+        parameters=answer.parameters,
+        budget=_ordered(answer, result.budget),
+        correlation=answer.correlation,
         covariance_of_fit={},
         sensitivities={},
     )
 
 
-def _ordered(entries: list[BudgetEntry], old: tuple[BudgetEntry, ...]) -> list[BudgetEntry]:
+def _ordered(answer: Evaluated, old: tuple[BudgetEntry, ...]) -> tuple[BudgetEntry, ...]:
     """What was stated, errors of single parameters, scatter, each in the order of the old budget; then what is new."""
+    names = {name: k for k, name in enumerate(answer.parameters)}
     places = {(entry.source, entry.shared_id): k for k, entry in reversed(list(enumerate(old)))}
 
-    def place(entry: BudgetEntry) -> tuple[bool, int, int]:
+    def place(entry: BudgetEntry) -> tuple[int, bool, int, int]:
         k = places.get((entry.source, entry.shared_id), -1)
         kind = 0 if old[k].sensitivity is not None else 2 if entry.origin.averages_over_logs else 1
-        return k < 0, kind, k
+        return names[entry.parameter], k < 0, kind, k
 
-    return sorted(entries, key=place)
+    return tuple(sorted(answer.budget, key=place))
 
 
 def converted(details: Details | None, leading: Ratio, old: Mapping[str, Parameter], torque: float) -> Details | None:

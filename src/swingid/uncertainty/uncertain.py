@@ -8,12 +8,12 @@ by it. Budget, parameter with its interval, covariance and correlation are views
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from swingid.numerics.arrays import Array
-from swingid.uncertainty.budget import BudgetEntry, Parameter, Source
+from swingid.uncertainty.budget import BudgetEntry, Evaluated, Parameter, Source, correlation_of
 from swingid.uncertainty.freedom import effective_freedom
 
 CANCELLED = 1e-6
@@ -134,6 +134,24 @@ def covariance(values: Sequence[Uncertain]) -> Array:
             both = r * np.outer(shifts[:, keys[a]], shifts[:, keys[b]])
             matrix += both + both.T
     return matrix
+
+
+def evaluated(
+    values: Mapping[str, tuple[Uncertain, str]], unsure: Collection[str] = (), alone: Collection[str] = ()
+) -> Evaluated:
+    """Parameters by values with their sources, and units: intervals, budget, correlations.
+
+    unsure: those whose uncertainty is not known. alone: those whose correlations are not.
+    """
+    known = {name: value for name, (value, _) in values.items() if name not in (*unsure, *alone)}
+    return Evaluated(
+        {
+            name: Parameter.of(value.value, None if name in unsure else value.u, unit, value.freedom)
+            for name, (value, unit) in values.items()
+        },
+        [entry for name, (value, _) in values.items() for entry in value.entries(name)],
+        correlation_of(list(known), covariance(list(known.values()))),
+    )
 
 
 def _exact(number: Uncertain | float) -> Uncertain:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swingid.calibration.outcome import Found, evaluated_of
+from swingid.calibration.outcome import Found
 from swingid.checks.momentum import MomentumCheck
 from swingid.methods.momentum.method import momentum
 from swingid.model.parameters import AXIS_TILT
@@ -12,7 +12,7 @@ from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
 from swingid.result.sources import values_of
-from swingid.uncertainty.uncertain import Uncertain
+from swingid.uncertainty.uncertain import Uncertain, evaluated
 
 RATIO = "gravity_per_inertia"
 """b/a11 in 1/s², which requires no constant."""
@@ -29,20 +29,19 @@ def free_swing(log: Recording, rig: Rig) -> Found:
     result, b = MomentumCheck(prepare(log, alone), momentum).result(), alone.axis.acting_gravity
     old = values_of(result, result.parameters)
     ratio = (1.0 if b is None else b.value) / old["inertia"]
-    values, units = {RATIO: ratio.only(lambda key: key not in (GRAVITY, AXIS_TILT))}, {RATIO: "1/s^2"}
+    values = {RATIO: (ratio.only(lambda key: key not in (GRAVITY, AXIS_TILT)), "1/s^2")}
     if rig.axis.acting_gravity is not None:
         carried = _carried(rig)
         for key, parameter in result.parameters.items():
             name = "axis.inertia" if key == "inertia" else f"axis.friction.{key}"
-            values[name], units[name] = old[key] - carried if key == "inertia" else old[key], parameter.unit
-    evaluated = evaluated_of(values, units)
+            values[name] = old[key] - carried if key == "inertia" else old[key], parameter.unit
     name = log.source.path or "the log"
     rests = "" if rig.drive.wheel is None else " and the wheel rests on the rod"
     text = f"{name}: nothing drives the axis{rests}: a free swing."
     notes = [note for note in result.notes if not alone.reference or note.code != "scale-from-gravity"]
     # in a free swing the wheel is to rest on the rod
     warnings = tuple(w for w in result.warnings if w.kind is not Kind.WHEEL_STILL)
-    return Found(name, evaluated, warnings, (Message("log-kind", text), *notes))
+    return Found(name, evaluated(values), warnings, (Message("log-kind", text), *notes))
 
 
 def _without_drive(rig: Rig) -> Rig:

@@ -24,7 +24,7 @@ class SwingidError(Exception):
 
     def __reduce__(self) -> tuple[object, ...]:
         """Restore the whole error from a pickle, which would call the class with the message alone."""
-        return partial(type(self).__new__, type(self), self.message), (), vars(self)
+        return partial(type(self).__new__, type(self), *self.args), (), vars(self)
 
 
 class UsageError(SwingidError):

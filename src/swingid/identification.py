@@ -203,7 +203,10 @@ class _Identification:
             on_rig = replace(self, rig=rig, options=options)
             shown = Equation.of(rig).shown
             return identify_several(
-                logs, lambda one: on_rig._of_one(one, more, len(logs) > 1), friction=friction, shown=shown
+                logs,
+                lambda log_of_body: on_rig._of_one(log_of_body, more, len(logs) > 1),
+                friction=friction,
+                shown=shown,
             )
 
         try:

@@ -125,7 +125,7 @@ class Deviation:
 
     @property
     def ratio(self) -> float:
-        """In standard uncertainties."""
+        """The deviation in standard uncertainties."""
         return self.value / self.u if self.u else math.copysign(math.inf, self.value)
 
     @property

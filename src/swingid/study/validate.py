@@ -306,10 +306,10 @@ def _by_key(values: Mapping[str, float], rig: Rig) -> dict[str, float]:
 
 def with_found_gain(log: Recording, result: Result, rig: Rig) -> Recording:
     """The log with its torque by the gain that the fit found, where it moved log.torque_gain."""
-    found = result.origin.found.get("log.torque_gain")
-    if log.torque is None or found is None:
+    gain = result.origin.found.get("log.torque_gain")
+    if log.torque is None or gain is None:
         return log
-    return replace(log, torque=log.torque * (found / rig.log.torque_gain.value))
+    return replace(log, torque=log.torque * (gain / rig.log.torque_gain.value))
 
 
 def drive_of(log: Recording, rig: Rig, wanted: Literal["voltage", "wheel"] | None) -> Input:

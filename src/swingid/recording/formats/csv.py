@@ -21,7 +21,7 @@ import numpy as np
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import parse_metadata, table_from_arrow
 from swingid.recording.formats.dialect import Layout, find_layout, is_number, split_cells
-from swingid.recording.formats.table import METADATA_KEY, Table
+from swingid.recording.formats.table import METADATA_KEY, PartFile, Table, header_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -295,13 +295,10 @@ HEAD = 1 << 20
 
 
 @dataclass(frozen=True)
-class File:
-    """A text file: its path, about how many rows it has, its layout, and lines before the first row."""
+class File(PartFile):
+    """A text file: its layout, and lines before the first row."""
 
-    path: str
-    rows: int
     layout: Layout
-    metadata: str
     lines_above: int
     bytes_per_row: float
 
@@ -325,17 +322,10 @@ class File:
             return None
         per_row = len(rows) / max(rows.count(b"\n"), 1)
         above = text.count(b"\n") - rows.count(b"\n")
-        return cls(path, int(size / per_row), layout, metadata, above, per_row)
-
-    def header(self) -> Table:
-        """The columns, each with a row of zeros in the place of its own."""
-        names = [name.strip() for name in column_names(self.layout)]
-        units = {name: unit for name, unit in zip(names, self.layout.units, strict=False) if unit}
-        return Table({name: np.zeros(1) for name in names}, parse_metadata(self.metadata), 0, units)
-
-    def together(self) -> list[str]:
-        """The columns that have a value in every row."""
-        return list(self.header().columns)
+        names = [name.strip() for name in column_names(layout)]
+        units = {name: unit for name, unit in zip(names, layout.units, strict=False) if unit}
+        header = header_of(names, parse_metadata(metadata), units)
+        return cls(path, int(size / per_row), header, layout, above, per_row)
 
     def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
         """The table in pieces of about `rows` rows; InputError where the file cannot be read or is no table."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -95,6 +96,35 @@ class Table:
             except (TypeError, ValueError):
                 first_text = first_text or str(cell).strip()[:40] or None
         return values, first_text
+
+
+@dataclass(frozen=True)
+class PartFile(ABC):
+    """A file that is read in pieces: its path, its rows (of text about so many), its columns with a row of zeros each.
+
+    A format's own has a function `open` that gives it, or None where a file cannot be read so.
+    """
+
+    path: str
+    rows: int
+    columns: Table
+
+    def header(self) -> Table:
+        """The columns, each with a row of zeros in the place of its own."""
+        return self.columns
+
+    def together(self) -> list[str]:
+        """The columns that have a value in every row."""
+        return list(self.columns.columns)
+
+    @abstractmethod
+    def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
+        """The columns in pieces of about `rows` rows; raises InputError where the file cannot be read."""
+
+
+def header_of(names: Iterable[str], metadata: Mapping[str, object], units: Mapping[str, str] | None = None) -> Table:
+    """A table with these columns, each with a row of zeros."""
+    return Table({name: np.zeros(1) for name in names}, metadata, 0, units or {})
 
 
 def resized(tables: Iterable[Table], rows: int) -> Iterator[Table]:

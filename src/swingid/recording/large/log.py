@@ -7,15 +7,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swingid.errors import InputError, SwingidError, UnanswerableError
 from swingid.recording.conventions import Conventions, Reading, gather
 from swingid.recording.findings import Source
-from swingid.recording.formats import csv, hdf5, hdf5_parts, mcap, mcap_parts, parquet
-from swingid.recording.formats.table import Table
+from swingid.recording.formats import csv, hdf5, mcap, mcap_parts, parquet
+from swingid.recording.formats.table import PartFile, Table
 from swingid.recording.large.parts import parts, within
 from swingid.recording.live import ARRIVAL, is_live, with_own_time, zero_at_rest
 from swingid.recording.load import reading_of
@@ -46,28 +46,7 @@ def is_large(path: str | Path) -> bool:
     return file is not None and file.rows > LARGE
 
 
-class File(Protocol):
-    """A file that is read in pieces: its rows, of some formats about so many."""
-
-    @property
-    def rows(self) -> int:
-        """Rows."""
-        ...
-
-    def header(self) -> Table:
-        """The columns, each with a row of zeros in the place of its own."""
-        ...
-
-    def together(self) -> list[str]:
-        """The columns that have a value in every row."""
-        ...
-
-    def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
-        """The columns in pieces of about `rows` rows; raises InputError where the file cannot be read."""
-        ...
-
-
-def _file(path: str | Path) -> File | None:
+def _file(path: str | Path) -> PartFile | None:
     """The file, where it is one that can be read in pieces and is large enough to look into it."""
     where = Path(path)
     try:
@@ -82,7 +61,7 @@ def _file(path: str | Path) -> File | None:
     if start.startswith(mcap.MAGIC):
         return mcap_parts.File.open(str(path))
     if start.startswith(hdf5.MAGIC) or start[512:].startswith(hdf5.MAGIC):  # behind the header of MATLAB v7.3
-        return hdf5_parts.File.open(str(path))
+        return hdf5.File.open(str(path))
     return csv.File.open(str(path))
 
 
@@ -112,7 +91,7 @@ def pieces_of(path: str | Path) -> tuple[Table, Iterator[Table]]:
     return file.header(), file.pieces(PIECE, file.together())
 
 
-def _require(path: str | Path) -> File:
+def _require(path: str | Path) -> PartFile:
     file = _file(path)
     if file is None:
         raise InputError(f"{path} cannot be read in parts; read it whole.", code="not-in-parts")
@@ -147,7 +126,7 @@ class LargeLog:
     digest: Callable[[], str] | None = None
 
     @cached_property
-    def _open(self) -> File:
+    def _open(self) -> PartFile:
         for key in ("point", "skip_rows", "comment"):
             if getattr(self.rig.log, key):
                 text = f"{self.path} has more than {LARGE} rows and is read in parts, which [log] {key} does not allow"

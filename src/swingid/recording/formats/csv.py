@@ -80,47 +80,48 @@ def layout_of(body: bytes, name: str) -> Layout:
 
 def column_names(layout: Layout) -> list[str]:
     """Names of the columns: those of the header, or column1, column2 and so on."""
-    return list(layout.names) or [f"column{k}" for k in range(1, layout.width + 1)]
+    return [name.strip() for name in layout.names] or [f"column{k}" for k in range(1, layout.width + 1)]
 
 
 def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") -> Table:
     """The table in lines of this layout, without a header; InputError where they are none."""
     import pyarrow as pa
-    import pyarrow.csv as pc
 
     if not rows.strip():
         raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
-    rows = _parted(rows, layout)
-    split, ragged = _splitting(layout)
+    block = min(max(len(rows) + 1, 1 << 16), 1 << 30)  # types from all rows
     try:
-        table = pc.read_csv(
-            io.BytesIO(rows),
-            read_options=pc.ReadOptions(
-                column_names=column_names(layout),
-                block_size=min(max(len(rows) + 1, 1 << 16), 1 << 30),  # types from all rows
-                use_threads=False,  # see `BLOCK`
-            ),
-            parse_options=split,
-            convert_options=pc.ConvertOptions(decimal_point=layout.decimal, strings_can_be_null=True),
-        )
+        table, lost = _split(rows, layout, name, block, strings_can_be_null=True)
     except pa.ArrowException:
         message = f"{name} is not a table: its lines do not split into the columns that its header names."
         raise InputError(message, code="not-a-table") from None
-    _require_closed_quotes(rows, table.num_rows + len(ragged), name)
-    return table_from_arrow(table, name, raw_metadata, len(ragged), layout.units, layout.decimal)
+    return table_from_arrow(table, name, raw_metadata, lost, layout.units, layout.decimal)
 
 
-def _splitting(layout: Layout) -> tuple[Any, list[int | None]]:
-    """How lines are split into cells, and the list to which it adds each line of another length, which is left out."""
+def _split(rows: bytes, layout: Layout, name: str, block: int, **convert: Any) -> tuple[Any, int]:
+    """The lines as a table of Arrow, and how many of another length were left out.
+
+    block: bytes that are parsed at once. convert: options of `pyarrow.csv.ConvertOptions`. Raises ArrowException, and
+    InputError where a quote is not closed.
+    """
+    import pyarrow as pa
     import pyarrow.csv as pc
 
-    ragged: list[int | None] = []
+    lost: list[int | None] = []
 
     def leave_out(row: Any) -> Literal["skip"]:
-        ragged.append(row.number)
+        lost.append(row.number)
         return "skip"
 
-    return pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out), ragged
+    rows = _parted(rows, layout)
+    table = pc.read_csv(
+        pa.BufferReader(rows),
+        pc.ReadOptions(column_names=column_names(layout), block_size=block, use_threads=False),  # see `BLOCK`
+        pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out),
+        pc.ConvertOptions(decimal_point=layout.decimal, **convert),
+    )
+    _require_closed_quotes(rows, table.num_rows + len(lost), name)
+    return table, len(lost)
 
 
 MOST_IN_A_CELL = 10
@@ -153,34 +154,20 @@ as after a refusal, is aborted (1 in 20 on a busy computer).
 
 
 def read_numbers(rows: bytes, layout: Layout, name: str, columns: list[str]) -> Table | None:
-    """Some columns (names without blanks around them) of lines as `read_rows`, in blocks: faster, in less memory.
+    """Some columns of lines as `read_rows`, in blocks: faster, in less memory.
 
     None where a cell of them is no plain number, which takes `read_rows`.
     """
     import pyarrow as pa
-    import pyarrow.csv as pc
 
-    names = [column.strip() for column in column_names(layout)]
-    if len(set(names)) < len(names):
+    if len(set(column_names(layout))) < layout.width:
         return None
-    split, ragged = _splitting(layout)
+    types = dict.fromkeys(columns, pa.float64())
     try:
-        table = pc.read_csv(
-            pa.BufferReader(_parted(rows, layout)),
-            read_options=pc.ReadOptions(column_names=names, block_size=BLOCK, use_threads=False),
-            parse_options=split,
-            convert_options=pc.ConvertOptions(
-                decimal_point=layout.decimal,
-                column_types=dict.fromkeys(columns, pa.float64()),
-                include_columns=columns,
-            ),
-        )
+        table, lost = _split(rows, layout, name, BLOCK, column_types=types, include_columns=columns)
     except pa.ArrowException:
         return None
-    if table.num_rows == 0:
-        return None
-    _require_closed_quotes(rows, table.num_rows + len(ragged), name)
-    return table_from_arrow(table, name, "{}", len(ragged), decimal=layout.decimal)
+    return table_from_arrow(table, name, "{}", lost, decimal=layout.decimal) if table.num_rows else None
 
 
 def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
@@ -322,7 +309,7 @@ class File(PartFile):
             return None
         per_row = len(rows) / max(rows.count(b"\n"), 1)
         above = text.count(b"\n") - rows.count(b"\n")
-        names = [name.strip() for name in column_names(layout)]
+        names = column_names(layout)
         units = {name: unit for name, unit in zip(names, layout.units, strict=False) if unit}
         header = header_of(names, parse_metadata(metadata), units)
         return cls(path, int(size / per_row), header, layout, above, per_row)

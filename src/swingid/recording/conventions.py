@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from swingid.errors import InputError
 from swingid.model.rig.fields import seconds, stated
 from swingid.model.rig.tables import LogConventions
 from swingid.recording.findings import Finding
+from swingid.recording.grid import TURN as TURNS
 from swingid.recording.points import ANGLE
 from swingid.recording.rates import RateIs, integral, rate_of, with_angle
 from swingid.units import Quantity
@@ -214,16 +215,11 @@ class Conventions:
             channels["supply"] = np.ones_like(channels["voltage"])
         if self.wheel == "wheel_speed":
             channels.pop("wheel_angle", None)
-        if "angle" not in self.axis and "angle_speed" in channels:
-            turned = channels.pop("angle")
-            channels |= {"wheel_angle": channels["wheel_angle"] + turned} if self._is_absolute(channels) else {}
-            return {self.columns[n]: self.scale(n).to_log(v) for n, v in channels.items()}
-        if self._is_absolute(channels):
+        if self.wheel_is_absolute and "wheel_angle" in channels:
             channels["wheel_angle"] = channels["wheel_angle"] + channels["angle"]
+        if "angle" not in self.axis and "angle_speed" in channels:
+            del channels["angle"]
         return {self.columns[n]: self.scale(n).to_log(v) for n, v in channels.items()}
-
-    def _is_absolute(self, channels: Mapping[str, Array]) -> bool:
-        return self.wheel_is_absolute and "wheel_angle" in channels
 
     def speed_of(self, time: Array, wheel: Array, angle: Array) -> Array:
         """The speed (rad/s) that a rig of these conventions would log of a wheel angle against the pendulum (rad)."""
@@ -260,12 +256,11 @@ class Reading:
         repair: str | None = None,
         *,
         at: Iterable[float] = (),
-        of_time: float = 0.0,
-        source: str = "",
+        **more: Any,
     ) -> None:
-        """Add a finding; at: instants (s) where it happened; of_time, source: see `Finding`."""
+        """Add a finding; at: instants (s) where it happened; more: fields of a `Finding`."""
         spans = tuple((float(instant), float(instant)) for instant in at)
-        self.findings.append(Finding(code, message, level, repair, spans=spans, of_time=of_time, source=source))
+        self.findings.append(Finding(code, message, level, repair, spans=spans, **more))
 
 
 def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
@@ -321,8 +316,7 @@ def _unit(rig: Rig, unit: str, which: Literal["angle", "wheel"]) -> tuple[float,
     if unit == "counts":
         count = rig.sensors.of(which).resolution  # a Rig with this unit has counts_per_turn
         return count, float(round(TURN / count))
-    per_turn = {"rad": TURN, "deg": 360.0, "turns": 1.0}[unit]
-    return TURN / per_turn, per_turn
+    return TURN / TURNS[unit], TURNS[unit]
 
 
 def _speed_unit(rig: Rig, unit: str, which: Literal["angle", "wheel"] = "angle") -> float:

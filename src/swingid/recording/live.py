@@ -13,7 +13,6 @@ import numpy as np
 
 from swingid.format import number
 from swingid.recording.device_clock import Comparison, compare
-from swingid.recording.findings import Finding
 from swingid.recording.rows import MANY
 
 if TYPE_CHECKING:
@@ -97,7 +96,7 @@ def zero_at_rest(table: Table, reading: Reading) -> None:
         return
     if of_zero > 0.0 and math.isfinite(of_zero):
         text = f"0 of the angle is where the body hung before the run, to {number(of_zero, 'rad', 2)}"
-        reading.findings.append(Finding("zero-at-rest", f"{text}.", "note", of_zero=of_zero))
+        reading.found("zero-at-rest", f"{text}.", "note", of_zero=of_zero)
 
 
 def with_own_time(table: Table, time: str, reading: Reading) -> Reading:

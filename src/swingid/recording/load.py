@@ -95,8 +95,7 @@ def reading_of(header: Table, first: Table | None, rig: Rig, name: str, repairs:
     off = switched_off(repairs)
     conventions, units = with_header_units(header, rig, name)
     _check_origin(header, conventions, name)
-    findings = [*_saved_findings(header), *notes_of(off), *units]
-    findings += [*_no_reference(header, conventions), *_integrated(conventions), *_unstated(header, conventions)]
+    findings = [*_saved_findings(header), *notes_of(off), *units, *_assumed(header, conventions)]
     if first is not None:
         conventions, epoch = from_first_row(first, conventions)
         findings += [*epoch, *check_grids(first, conventions, rig)]
@@ -176,41 +175,29 @@ READINGS = {
 }
 
 
-def _integrated(conventions: Conventions) -> Iterator[Finding]:
-    """A note where an angle is not measured but its speed."""
+def _assumed(table: Table, conventions: Conventions) -> Iterator[Finding]:
+    """Notes of a reference that the log lacks and of angles by their rates; a warning of a torque without a unit."""
+    column, columns = conventions.columns["reference"], conventions.columns
+    if table.find(column) is None and "reference" in conventions.stated and not table.metadata:
+        text = f"the log has no column {column!r} (the reference); nothing needs it."
+        yield Finding("no-reference", text, "note")
     if "wheel_speed" in conventions.channels:
-        column, rate_is = conventions.columns["wheel_speed"], conventions.wheel_rate_is
-        text = f"the wheel's angle is the integral of its speed (column {column!r}, taken as {READINGS[rate_is]}); "
-        other = "mean" if rate_is == "instant" else "instant"
-        yield Finding(
-            "wheel-angle-integrated", f'{text}where that is otherwise, set wheel_speed_is = "{other}".', "note"
-        )
+        rate_is = conventions.wheel_rate_is
+        text = f"the wheel's angle is the integral of its speed (column {columns['wheel_speed']!r}, taken as "
+        text += f"{READINGS[rate_is]}); where that is otherwise, set wheel_speed_is = "
+        text += '"mean".' if rate_is == "instant" else '"instant".'
+        yield Finding("wheel-angle-integrated", text, "note")
     if conventions.axis == ("angle_speed",):
-        column, rate_is = conventions.columns["angle_speed"], conventions.axis_rate_is
-        text = (
-            f"the angle is the integral of its rate (column {column!r}, taken as {READINGS[rate_is]}), of which bias "
-        )
-        yield Finding("angle-integrated", f"{text}and start are unknown and were estimated.", "note")
-
-
-def _unstated(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
-    """A warning where neither rig file nor log states the unit of the torque."""
-    name = table.find(conventions.columns["torque"]) if conventions.drive_kind == "direct" else None
-    if name is None or "torque_gain" in conventions.stated or table.metadata:
-        return ()
-    if canonical(table.unit(name)) in FACTORS["torque"]:
-        return ()
-    text = f"neither rig file nor log states the unit of column {name!r} (torque), which sets the scale; set "
-    text += 'torque_gain under [log], N m (N) per unit of the column, such as 1 or "1 ± 0.1", or "unknown".'
-    return (Finding("torque-gain-missing", text, "warning", kind=Kind.NO_SCALE),)
-
-
-def _no_reference(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
-    """A note where the rig file names a reference that the log lacks: nothing but pictures needs it."""
-    column = conventions.columns["reference"]
-    if table.find(column) is not None or "reference" not in conventions.stated or table.metadata:
-        return ()
-    return (Finding("no-reference", f"the log has no column {column!r} (the reference); nothing needs it.", "note"),)
+        text = f"the angle is the integral of its rate (column {columns['angle_speed']!r}, taken as "
+        text += f"{READINGS[conventions.axis_rate_is]}), of which bias and start are unknown and were estimated."
+        yield Finding("angle-integrated", text, "note")
+    torque = table.find(columns["torque"]) if conventions.drive_kind == "direct" else None
+    if torque is None or "torque_gain" in conventions.stated or table.metadata:
+        return
+    if canonical(table.unit(torque)) not in FACTORS["torque"]:
+        text = f"neither rig file nor log states the unit of column {torque!r} (torque), which sets the scale; set "
+        text += 'torque_gain under [log], N m (N) per unit of the column, such as 1 or "1 ± 0.1", or "unknown".'
+        yield Finding("torque-gain-missing", text, "warning", kind=Kind.NO_SCALE)
 
 
 def _drive_held(table: Table, conventions: Conventions) -> bool:
@@ -297,7 +284,7 @@ def check_motion(channels: Channels, reading: Reading, *, still_axis: bool = Fal
             part = "" if last - first == time.size - 1 else f" from {time[first]:.4g} to {time[last]:.4g} s"
             message = f"column {rig.log.wheel_angle!r} (wheel angle) does not change{part} while the axis swings"
             text = f"{message}; is the wheel's encoder connected?"
-            reading.findings.append(Finding("wheel-still", text, "warning", kind=Kind.WHEEL_STILL))
+            reading.found("wheel-still", text, "warning", kind=Kind.WHEEL_STILL)
     steps = np.diff(time)
     step = float(steps.max())
     step = step if step <= SLOWEST_STEP else float(np.median(steps))

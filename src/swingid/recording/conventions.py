@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -232,7 +232,8 @@ class Reading:
     """A log as it is read: rig, conventions, the file's name for messages, repairs that are switched `off`; findings.
 
     held: whether the drive was held. span: the part of the log (s) to use, None for all of it. before: rows of the file
-    before these, where it is read in pieces.
+    before these, where it is read in pieces. averaged: rows of the log that each row is the mean of. texts: by channel,
+    the first text that stood in the place of a number.
     """
 
     rig: Rig
@@ -243,6 +244,8 @@ class Reading:
     findings: list[Finding]
     span: tuple[float, float] | None = None
     before: int = 0
+    averaged: int = 1
+    texts: dict[str, str] = field(default_factory=dict)
 
     def column(self, channel: str) -> str:
         """The column of a channel, in words."""
@@ -263,15 +266,15 @@ class Reading:
         self.findings.append(Finding(code, message, level, repair, spans=spans, **more))
 
 
-def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
-    """The rig's channels out of a file's table, in logged units (the time in s), and the first text among the numbers.
+def gather(table: Table, reading: Reading) -> Channels:
+    """The rig's channels out of a file's table, in logged units (the time in s).
 
-    Cells without a number are NaN. Raises InputError for a missing column (naming the nearest that exist and
-    the key of [log] that sets it), for columns of unequal length, and for a column without numbers.
+    Cells without a number are NaN; `reading` gets the first text among them. Raises InputError for a missing column
+    (naming the nearest that exist and the key of [log] that sets it), for columns of unequal length, and for a column
+    without numbers.
     """
     conventions, name = reading.conventions, reading.name
     logged: Channels = {}
-    texts: dict[str, str] = {}
     voltage_is_due = "voltage" in conventions.stated and not table.metadata  # what swingid wrote, it wrote whole
     wanted = ("time", *conventions.channels) if conventions.rate is None else conventions.channels
     for channel in wanted:
@@ -285,7 +288,7 @@ def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
             continue  # in a file of other origin a column "k" may be anything
         logged[channel], text = table.numbers(column)
         if text is not None:
-            texts[channel] = text
+            reading.texts[channel] = text
         if channel not in ("reference", "adaptive_gain") and _is_empty(logged[channel]):
             sample = f" but text such as {text!r}" if text else ""
             message = f"{name}: column {column!r} holds no numbers{sample}; set [log] {channel} to the column"
@@ -301,7 +304,7 @@ def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
         logged = {"time": np.arange(rows) / conventions.rate, **logged}
     else:
         logged["time"] = conventions.scale("time").to_model(logged["time"])
-    return logged, texts
+    return logged
 
 
 def _is_empty(values: Array) -> bool:

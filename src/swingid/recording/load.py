@@ -19,8 +19,8 @@ from swingid.recording.grid import check_grids
 from swingid.recording.header import FACTORS, from_first_row, with_header_units
 from swingid.recording.live import is_live, live
 from swingid.recording.points import with_angle
-from swingid.recording.rate_checks import check_beside, unsaturated
-from swingid.recording.repair import repair
+from swingid.recording.rate_checks import check_beside
+from swingid.recording.repair import repaired
 from swingid.recording.rows import LARGEST, MANY
 from swingid.spellings import canonical
 from swingid.system import LARGEST_FILE, is_file, read_input
@@ -62,9 +62,9 @@ def contents_of(
     reading.findings += unreadable_rows(table, reading)
     if is_live(table):
         table, reading = live(table, reading)
-    logged, texts = gather(table, reading)
+    logged = gather(table, reading)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
-        channels = reading.conventions.to_model(unsaturated(repair(logged, texts, reading), reading))
+        channels = reading.conventions.to_model(repaired(logged, reading))
         check_beside(channels, reading)
         check_motion(channels, reading, still_axis=still_axis)
     metadata = table.metadata.get("metadata")

@@ -9,13 +9,11 @@ from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from swingid.errors import InputError, SwingidError, UnanswerableError
 from swingid.recording.conventions import Conventions, Reading, gather
 from swingid.recording.findings import Source
 from swingid.recording.formats import csv, hdf5, mcap, mcap_parts, parquet
-from swingid.recording.formats.table import PartFile, Table
+from swingid.recording.formats.table import PartFile, Table, stacked
 from swingid.recording.large.parts import parts, within
 from swingid.recording.live import ARRIVAL, is_live, with_own_time, zero_at_rest
 from swingid.recording.load import reading_of
@@ -56,13 +54,12 @@ def _file(path: str | Path) -> PartFile | None:
             start = stream.read(1024)
     except (OSError, ValueError):
         return None
-    if start.startswith(parquet.MAGIC):
-        return parquet.File.open(str(path))
-    if start.startswith(mcap.MAGIC):
-        return mcap_parts.File.open(str(path))
-    if start.startswith(hdf5.MAGIC) or start[512:].startswith(hdf5.MAGIC):  # behind the header of MATLAB v7.3
-        return hdf5.File.open(str(path))
-    return csv.File.open(str(path))
+    kinds = {parquet.MAGIC: parquet.File, mcap.MAGIC: mcap_parts.File, hdf5.MAGIC: hdf5.File}
+    # that of HDF5 also stands behind the header of MATLAB v7.3
+    kind = next(
+        (file for magic, file in kinds.items() if start.startswith(magic) or start[512:].startswith(magic)), None
+    )
+    return (kind or csv.File).open(str(path))
 
 
 def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:
@@ -76,7 +73,7 @@ def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:
             break
     if not tables:
         raise InputError(f"{path} has no rows of numbers; log a motion.", code="empty-file")
-    columns = {name: np.concatenate([piece.columns[name] for piece in tables])[:rows] for name in names}
+    columns = {name: values[:rows] for name, values in stacked([piece.columns for piece in tables]).items()}
     return Table(columns, header.metadata, sum(piece.unreadable_rows for piece in tables), header.units)
 
 
@@ -176,8 +173,7 @@ class LargeLog:
         if not tables:
             text = f"{self.path} has no rows between {self.span[0]:g} s and {self.span[1]:g} s; choose another part."
             raise UnanswerableError(text, code="empty-segment")
-        columns = {name: np.concatenate([piece[name] for piece in tables]) for name in tables[0]}
-        table = Table(columns, header.metadata, 0, header.units)
+        table = Table(stacked(tables), header.metadata, 0, header.units)
         source = Source(self.path, self.sha256())
         log = Recording.from_table(table, self.rig, source, repairs=self.repairs)
         return (
@@ -201,8 +197,7 @@ class LargeLog:
         time = reading.conventions.columns["time"]
         if not {time, ARRIVAL} <= header.columns.keys():
             return reading
-        pieces = list(self._open.pieces(PIECE, [time, ARRIVAL]))
-        whole = {name: np.concatenate([piece.columns[name] for piece in pieces]) for name in (time, ARRIVAL)}
+        whole = stacked([piece.columns for piece in self._open.pieces(PIECE, [time, ARRIVAL])])
         return with_own_time(Table(whole, header.metadata), time, reading)
 
     def sha256(self) -> str:

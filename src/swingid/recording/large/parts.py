@@ -21,6 +21,7 @@ from swingid.numerics.arrays import median, quantile
 from swingid.numerics.reversals import reversals
 from swingid.recording.conventions import Reading, gather
 from swingid.recording.findings import Finding, Source
+from swingid.recording.formats.table import stacked
 from swingid.recording.load import check_motion, unreadable_rows
 from swingid.recording.recording import Recording
 from swingid.recording.repair import ANGLES, FAULTS_OF_MEANS, limited, made_continuous, without_spikes
@@ -184,16 +185,9 @@ def _continued(channels: Channels, last: Channels, conventions: Conventions, wra
     return channels
 
 
-def _joined(pieces: list[Channels]) -> Channels:
-    full = [piece for piece in pieces if piece]
-    if len(full) == 1:
-        return full[0]
-    return {name: np.concatenate([piece[name] for piece in full]) for name in full[-1]}
-
-
 def _recording(part: _Part, reading: Reading) -> Recording | SwingidError:
     """A part as a Recording: the rest of the repairs, the model's units, checked; the error where it cannot be one."""
-    channels = _joined(part.kept)
+    channels = stacked([piece for piece in part.kept if piece])
     reading = replace(reading, findings=[*reading.findings, *part.findings], averaged=part.block)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused
@@ -257,7 +251,7 @@ def averaged(
     total = first["time"].size + channels["time"].size
     blocks = total // rows - 1  # the last needs the middle of the next
     if blocks < 1:
-        joined = _joined([first, channels])
+        joined = stacked([first, channels])
         return {name: values[:0] for name, values in joined.items()}, joined
     used = blocks * rows
     blocked = {name: _blocks(first[name], values, blocks + 1, rows) for name, values in channels.items()}

@@ -37,17 +37,14 @@ if TYPE_CHECKING:
 MOST_ROWS = 4_000_000
 
 
-def read_log(
-    path: str | Path, rig: Rig, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
-) -> dict[str, Any]:
-    """The fields of the Recording in a file, by name; see `Recording.load`."""
+def read_log(path: str | Path, rig: Rig, repairs: Mapping[str, bool] | None) -> tuple[Table, Source]:
+    """The table in a file, and where it is from; raises as `Recording.load`."""
     require_rig(rig)
     switched_off(repairs)  # raises for a name that is none before anything is read
     content = read_bytes(path)
     name = str(path)
     table = read_table(without_lines(content, rig.log.skip_rows, rig.log.comment, name), name)
-    source = Source(name, hashlib.sha256(content).hexdigest())
-    return contents_of(table, rig, source, still_axis=still_axis, repairs=repairs)
+    return table, Source(name, hashlib.sha256(content).hexdigest())
 
 
 def contents_of(

@@ -12,7 +12,6 @@ from swingid.errors import InputError
 from swingid.model.rig.fields import seconds, stated
 from swingid.model.rig.tables import LogConventions
 from swingid.recording.findings import Finding
-from swingid.recording.grid import TURN as TURNS
 from swingid.recording.points import ANGLE
 from swingid.recording.rates import RateIs, integral, rate_of, with_angle
 from swingid.units import Quantity
@@ -319,7 +318,8 @@ def _unit(rig: Rig, unit: str, which: Literal["angle", "wheel"]) -> tuple[float,
     if unit == "counts":
         count = rig.sensors.of(which).resolution  # a Rig with this unit has counts_per_turn
         return count, float(round(TURN / count))
-    return TURN / TURNS[unit], TURNS[unit]
+    per_turn = {"rad": TURN, "deg": 360.0, "turns": 1.0}[unit]
+    return TURN / per_turn, per_turn
 
 
 def _speed_unit(rig: Rig, unit: str, which: Literal["angle", "wheel"] = "angle") -> float:

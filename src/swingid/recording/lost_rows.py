@@ -138,11 +138,6 @@ class _Best:
     apart: Array
     places: Ints
 
-    @classmethod
-    def none(cls, count: int, places: Ints) -> _Best:
-        """Nothing is known."""
-        return cls(np.zeros(count), np.full(count, NOWHERE), np.zeros(count), np.zeros(count), places)
-
 
 @dataclass(frozen=True)
 class _Log:
@@ -165,8 +160,8 @@ class _Log:
         if places[-1] >= grid.shape[1]:
             everywhere = np.arange(places[-1] + 1)
             grid = np.array([np.interp(everywhere, places, channel) for channel in grid])
-        best = _Best.none(grid.shape[1] - 1, places)
-        each = []
+        count, each = grid.shape[1] - 1, []
+        best = _Best(np.zeros(count), np.full(count, NOWHERE), np.zeros(count), np.zeros(count), places)
         for width, degree in self.widths:
             excess = _of_windows(grid, self.quanta, width, degree, sure) if width else _of_steps(grid, self.quanta)
             each.append((width, excess, *excess.joint(sure)))

@@ -64,7 +64,7 @@ def _file(path: str | Path) -> PartFile | None:
 
 def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:
     """The first rows of a log for which `is_large`, all columns; raises InputError as `LargeLog.parts`."""
-    file = _require(path)
+    file = opened(path)
     header, names = file.header(), file.together()
     tables: list[Table] = []
     for table in file.pieces(min(rows, PIECE), names):
@@ -77,18 +77,8 @@ def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:
     return Table(columns, header.metadata, sum(piece.unreadable_rows for piece in tables), header.units)
 
 
-def rows_in(path: str | Path) -> int:
-    """Rows of a log for which `is_large`, of text about so many."""
-    return _require(path).rows
-
-
-def pieces_of(path: str | Path) -> tuple[Table, Iterator[Table]]:
-    """The header (a row of zeros) and the pieces of a log for which `is_large`, all columns that go together."""
-    file = _require(path)
-    return file.header(), file.pieces(PIECE, file.together())
-
-
-def _require(path: str | Path) -> PartFile:
+def opened(path: str | Path) -> PartFile:
+    """The file of a log for which `is_large`; InputError where it cannot be read in parts."""
     file = _file(path)
     if file is None:
         raise InputError(f"{path} cannot be read in parts; read it whole.", code="not-in-parts")
@@ -128,7 +118,7 @@ class LargeLog:
             if getattr(self.rig.log, key):
                 text = f"{self.path} has more than {LARGE} rows and is read in parts, which [log] {key} does not allow"
                 raise InputError(f"{text}; give --part FROM:TO of a shorter log.", code="not-in-parts")
-        return _require(self.path)
+        return opened(self.path)
 
     @property
     def rows(self) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice, pairwise
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats import mcap
+from swingid.recording.formats.arrow import numbers_of
 from swingid.recording.formats.isolated import is_installed
 from swingid.recording.formats.table import PartFile, Table, columns_of, flat, header_of, most_unpacked, resized
 
@@ -29,18 +30,16 @@ BLOCK = 50_000
 
 @dataclass(frozen=True)
 class _Topic:
-    """A topic: its channels, about how many messages, its columns with their places in a JSON message.
+    """A topic: its channels, about how many messages, its columns; of messages in JSON those that are in them.
 
-    paths: empty where the messages are not in JSON. clock: the column that is the time of the log, where no message
-    has a time of its own.
+    Where no message has a time of its own, the column "time" is the time of the log.
     """
 
     name: str
     channels: frozenset[int]
     rows: int
     columns: tuple[str, ...]
-    paths: Mapping[str, tuple[str, ...]]
-    clock: str | None
+    in_json: frozenset[str]
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ class File(PartFile):
     def _table(self, topic: _Topic, messages: list[_Message], wanted: list[str]) -> Table:
         """The wanted columns of messages, in the order of the log's time."""
         messages.sort(key=lambda message: message.log_time)
-        columns = _together(topic, messages, wanted) if topic.paths else None
+        columns = _together(topic, messages, wanted) if topic.in_json else None
         if columns is None:  # as `mcap.read` has them
             decode, summary = mcap.ros2_decoder(), self.summary
             channels = {number: summary.channels[number] for number in topic.channels}
@@ -171,33 +170,22 @@ def _together(topic: _Topic, messages: list[_Message], wanted: list[str]) -> dic
     import pyarrow as pa
     import pyarrow.json as pj
 
-    read = [name for name in wanted if name != topic.clock]
-    columns: dict[str, Array] = {}
-    if read:
-        clocks = [name for name in ("t", "time") if name not in read]  # where a message has one, its time is that
-        paths = {name: (name,) for name in clocks} | {name: topic.paths[name] for name in read}
-        try:
-            table = pj.read_json(
-                pa.BufferReader(b"\n".join([message.data for message in messages])),
-                read_options=pj.ReadOptions(use_threads=False),  # as `csv.BLOCK`
-                parse_options=pj.ParseOptions(explicit_schema=_schema(paths), unexpected_field_behavior="ignore"),
-            )
-        except pa.ArrowException:
-            return None
-        if table.num_rows != len(messages):
-            return None
-        for name, place in paths.items():
-            column = table.column(place[0])
-            for key in place[1:]:
-                column = pa.chunked_array([chunk.field(key) for chunk in column.chunks])
-            absent = name in clocks and name not in topic.paths
-            if column.null_count != (len(messages) if absent else 0):
-                return None
-            if not absent:
-                columns[name] = np.concatenate([np.from_dlpack(chunk) for chunk in column.chunks])
-    if topic.clock in wanted:
-        columns[topic.clock] = 1e-9 * np.array([message.log_time for message in messages], np.float64)
-    return columns
+    content = pa.BufferReader(b"\n".join([message.data for message in messages]))
+    try:
+        table = pj.read_json(content, read_options=pj.ReadOptions(use_threads=False))  # as `csv.BLOCK`
+        while any(pa.types.is_struct(column.type) for column in table.columns):
+            table = table.flatten()
+        own = {"t", "time"} & set(table.column_names)  # where a message has a time, its time is that
+        read = {name: table.column(name) for name in {*own, *wanted} & topic.in_json}
+    except (pa.ArrowException, KeyError):  # no such column, or several
+        return None
+    kinds = [column.type for column in read.values()]
+    plain = all(pa.types.is_floating(kind) or pa.types.is_integer(kind) for kind in kinds)
+    whole = not any(column.null_count for column in read.values())
+    if not (plain and whole and table.num_rows == len(messages) and own == {"t", "time"} & topic.in_json):
+        return None
+    columns = {name: numbers_of(column) for name, column in read.items()}
+    return columns | {"time": columns.get("time", 1e-9 * np.array([message.log_time for message in messages]))}
 
 
 def _follow(indexes: list[Any]) -> bool:
@@ -224,49 +212,13 @@ def _topics(reader: Any, summary: Any, live: bool) -> list[_Topic]:
         columns = tuple(dict.fromkeys(column for row in cells for column in row))
         if not columns:
             continue
-        in_json = all(channel.message_encoding == "json" for channel in of_topic)
-        paths = _paths([json.loads(entry[2].data) for entry in sample]) if in_json else {}
-        clock = next((column for column in columns if column not in paths), None) if paths else None
+        texts = sample if all(channel.message_encoding == "json" for channel in of_topic) else []
+        rows_in_json = [row for entry in texts if isinstance(row := json.loads(entry[2].data), dict)]
+        numbers = ((key, cell) for row in rows_in_json for key, cell in flat(row).items())
+        in_json = frozenset(key for key, cell in numbers if isinstance(cell, int | float))
         ids = frozenset(int(channel.id) for channel in of_topic)
-        topics.append(_Topic(name.strip("/").replace("/", "."), ids, rows, columns, paths, clock))
+        topics.append(_Topic(name.strip("/").replace("/", "."), ids, rows, columns, in_json))
     return topics
-
-
-def _paths(messages: list[Any]) -> dict[str, tuple[str, ...]]:
-    """The place of each number in nested objects; none where two places have one name."""
-    by_name: dict[str, tuple[str, ...]] = {}
-
-    def walk(node: Mapping[str, Any], above: tuple[str, ...]) -> bool:
-        for key, value in node.items():
-            place = (*above, str(key))
-            if isinstance(value, dict):
-                if not walk(value, place):
-                    return False
-            elif isinstance(value, int | float) and by_name.setdefault(".".join(place), place) != place:
-                return False
-        return True
-
-    plain = [message for message in messages if isinstance(message, dict) and flat(message)]
-    return by_name if all(walk(message, ()) for message in plain) else {}
-
-
-def _schema(paths: Mapping[str, tuple[str, ...]]) -> Any:
-    """The Arrow schema of the numbers at these places."""
-    import pyarrow as pa
-
-    tree: dict[str, Any] = {}
-    for place in paths.values():
-        node = tree
-        for key in place[:-1]:
-            node = node.setdefault(key, {})
-        node[place[-1]] = pa.float64()
-
-    def fields(node: dict[str, Any]) -> list[Any]:
-        return [
-            pa.field(key, pa.struct(fields(kind)) if isinstance(kind, dict) else kind) for key, kind in node.items()
-        ]
-
-    return pa.schema(fields(tree))
 
 
 def _chunk(stream: BinaryIO, index: Any) -> bytes:

@@ -83,45 +83,45 @@ def column_names(layout: Layout) -> list[str]:
     return [name.strip() for name in layout.names] or [f"column{k}" for k in range(1, layout.width + 1)]
 
 
-def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") -> Table:
-    """The table in lines of this layout, without a header; InputError where they are none."""
-    import pyarrow as pa
+def read_rows(
+    rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}", columns: list[str] | None = None
+) -> Table:
+    """The table in lines of this layout, without a header, all columns or some; InputError where they are none.
 
-    if not rows.strip():
-        raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
-    block = min(max(len(rows) + 1, 1 << 16), 1 << 30)  # types from all rows
-    try:
-        table, lost = _split(rows, layout, name, block, strings_can_be_null=True)
-    except pa.ArrowException:
-        message = f"{name} is not a table: its lines do not split into the columns that its header names."
-        raise InputError(message, code="not-a-table") from None
-    return table_from_arrow(table, name, raw_metadata, lost, layout.units, layout.decimal)
-
-
-def _split(rows: bytes, layout: Layout, name: str, block: int, **convert: Any) -> tuple[Any, int]:
-    """The lines as a table of Arrow, and how many of another length were left out.
-
-    block: bytes that are parsed at once. convert: options of `pyarrow.csv.ConvertOptions`. Raises ArrowException, and
-    InputError where a quote is not closed.
+    By one thread: those of Arrow hold the Python source a little longer than the call, and a process that ends
+    meanwhile, as after a refusal, is aborted (1 in 20 on a busy computer).
     """
     import pyarrow as pa
     import pyarrow.csv as pc
 
+    if not rows.strip():
+        raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
+    rows, names = _parted(rows, layout), column_names(layout)
+    some = columns if len(set(names)) == len(names) else None  # else two columns have one name, which is refused below
     lost: list[int | None] = []
 
     def leave_out(row: Any) -> Literal["skip"]:
         lost.append(row.number)
         return "skip"
 
-    rows = _parted(rows, layout)
-    table = pc.read_csv(
-        pa.BufferReader(rows),
-        pc.ReadOptions(column_names=column_names(layout), block_size=block, use_threads=False),  # see `BLOCK`
-        pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out),
-        pc.ConvertOptions(decimal_point=layout.decimal, **convert),
-    )
+    try:
+        table = pc.read_csv(
+            pa.BufferReader(rows),
+            read_options=pc.ReadOptions(
+                column_names=names,
+                block_size=min(max(len(rows) + 1, 1 << 16), 1 << 30),  # types from all rows
+                use_threads=False,
+            ),
+            parse_options=pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out),
+            convert_options=pc.ConvertOptions(
+                decimal_point=layout.decimal, strings_can_be_null=True, include_columns=some
+            ),
+        )
+    except pa.ArrowException:
+        message = f"{name} is not a table: its lines do not split into the columns that its header names."
+        raise InputError(message, code="not-a-table") from None
     _require_closed_quotes(rows, table.num_rows + len(lost), name)
-    return table, len(lost)
+    return table_from_arrow(table, name, raw_metadata, len(lost), () if some else layout.units, layout.decimal)
 
 
 MOST_IN_A_CELL = 10
@@ -143,31 +143,6 @@ def _parted(rows: bytes, layout: Layout) -> bytes:
     if layout.delimiter != b" ":
         return rows
     return re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", rows))
-
-
-BLOCK = 1 << 20
-"""Bytes that are parsed at once where the columns are known to hold numbers.
-
-By one thread: those of Arrow hold the Python source a little longer than the call, and a process that ends meanwhile,
-as after a refusal, is aborted (1 in 20 on a busy computer).
-"""
-
-
-def read_numbers(rows: bytes, layout: Layout, name: str, columns: list[str]) -> Table | None:
-    """Some columns of lines as `read_rows`, in blocks: faster, in less memory.
-
-    None where a cell of them is no plain number, which takes `read_rows`.
-    """
-    import pyarrow as pa
-
-    if len(set(column_names(layout))) < layout.width:
-        return None
-    types = dict.fromkeys(columns, pa.float64())
-    try:
-        table, lost = _split(rows, layout, name, BLOCK, column_types=types, include_columns=columns)
-    except pa.ArrowException:
-        return None
-    return table_from_arrow(table, name, "{}", lost, decimal=layout.decimal) if table.num_rows else None
 
 
 def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
@@ -320,24 +295,17 @@ class File(PartFile):
             with Path(self.path).open("rb") as stream:
                 for _ in range(self.lines_above):
                     stream.readline()
-                rest, quick = b"", True
+                rest = b""
                 while block := stream.read(int(rows * self.bytes_per_row) + 1):
                     block = rest + block
                     end = block.rfind(b"\n") + 1
-                    rest = block[end:]
-                    lines = block[:end]
+                    lines, rest = block[:end], block[end:]
                     if lines and not lines.isspace():
-                        table = read_numbers(_utf8(lines), self.layout, self.path, columns) if quick else None
-                        quick = table is not None
-                        yield table or self._table(lines, columns)
+                        yield read_rows(_utf8(lines), self.layout, self.path, columns=columns)
                 if rest.strip():
-                    yield self._table(rest, columns)
+                    yield read_rows(_utf8(rest), self.layout, self.path, columns=columns)
         except OSError as error:
             raise InputError(f"{self.path} cannot be read: {error.strerror}.", code="unreadable-file") from None
-
-    def _table(self, lines: bytes, columns: list[str]) -> Table:
-        table = read_rows(_utf8(lines), self.layout, self.path)
-        return Table({name: table.columns[name] for name in columns}, {}, table.unreadable_rows, table.units)
 
 
 def _utf8(lines: bytes) -> bytes:

@@ -172,7 +172,7 @@ def _together(topic: _Topic, messages: list[_Message], wanted: list[str]) -> dic
 
     content = pa.BufferReader(b"\n".join([message.data for message in messages]))
     try:
-        table = pj.read_json(content, read_options=pj.ReadOptions(use_threads=False))  # as `csv.BLOCK`
+        table = pj.read_json(content, read_options=pj.ReadOptions(use_threads=False))  # as `csv.read_rows`
         while any(pa.types.is_struct(column.type) for column in table.columns):
             table = table.flatten()
         own = {"t", "time"} & set(table.column_names)  # where a message has a time, its time is that

@@ -33,7 +33,7 @@ def read(content: bytes, name: str) -> Table:
         file = pq.ParquetFile(pa.BufferReader(content))
         if 8 * file.metadata.num_rows * file.metadata.num_columns > most_unpacked(len(content)):
             raise ValueError("more numbers than the file can hold")
-        table = file.read(use_threads=False)  # as `csv.BLOCK`
+        table = file.read(use_threads=False)  # as `csv.read_rows`
         return table_from_arrow(table, name, _metadata(table.schema))
 
 

@@ -288,7 +288,7 @@ def gather(table: Table, reading: Reading) -> Channels:
         logged[channel], text = table.numbers(column)
         if text is not None:
             reading.texts[channel] = text
-        if channel not in ("reference", "adaptive_gain") and _is_empty(logged[channel]):
+        if channel not in ("reference", "adaptive_gain") and np.isnan(logged[channel]).all():
             sample = f" but text such as {text!r}" if text else ""
             message = f"{name}: column {column!r} holds no numbers{sample}; set [log] {channel} to the column"
             raise InputError(f"{message} that holds the {channel}.", code="no-numbers")
@@ -304,11 +304,6 @@ def gather(table: Table, reading: Reading) -> Channels:
     else:
         logged["time"] = conventions.scale("time").to_model(logged["time"])
     return logged
-
-
-def _is_empty(values: Array) -> bool:
-    """Return whether no cell is a number; quick where the first one is."""
-    return values.size == 0 or bool(np.isnan(values[0]) and np.isnan(values).all())
 
 
 def _unit(rig: Rig, unit: str, which: Literal["angle", "wheel"]) -> tuple[float, float | None]:

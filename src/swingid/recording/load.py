@@ -64,23 +64,19 @@ def contents_of(
         channels = reading.conventions.to_model(repaired(logged, reading))
         check_beside(channels, reading)
         check_motion(channels, reading, still_axis=still_axis)
-    metadata = table.metadata.get("metadata")
+    saved, run = table.metadata.get("metadata"), table.metadata.get("run")
+    metadata = dict(saved) if isinstance(saved, dict) else {}
+    if isinstance(run, dict):  # of a journal
+        metadata["run"] = {key: run[key] for key in ("device", "firmware") if key in run}
+    off = {finding.repair for finding in reading.findings if finding.code == OFF and finding.repair}
     return {
         **channels,
         "drive_held": reading.held,
-        "metadata": (metadata if isinstance(metadata, dict) else {}) | _device_of(table),
+        "metadata": metadata,
         "findings": tuple(reading.findings),
-        "repairs_off": reading.off | _saved_off(table),
+        "repairs_off": reading.off | off,
         "source": replace(source, read=True),
     }
-
-
-def _device_of(table: Table) -> dict[str, object]:
-    """Device and firmware that a journal names, as metadata of its recording."""
-    run = table.metadata.get("run")
-    if not isinstance(run, dict):
-        return {}
-    return {"run": {key: run[key] for key in ("device", "firmware") if key in run}}
 
 
 def reading_of(header: Table, first: Table | None, rig: Rig, name: str, repairs: Mapping[str, bool] | None) -> Reading:
@@ -96,7 +92,10 @@ def reading_of(header: Table, first: Table | None, rig: Rig, name: str, repairs:
     if first is not None:
         conventions, epoch = from_first_row(first, conventions)
         findings += [*epoch, *check_grids(first, conventions, rig)]
-    return Reading(rig, conventions, name, off, _drive_held(header, conventions), findings)
+    written = header.metadata.get("log")
+    held = written.get("drive_held") if isinstance(written, dict) else None
+    held = held if isinstance(held, bool) else conventions.drive_held
+    return Reading(rig, conventions, name, off, held, findings)
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -197,13 +196,6 @@ def _assumed(table: Table, conventions: Conventions) -> Iterator[Finding]:
         yield Finding("torque-gain-missing", text, "warning", kind=Kind.NO_SCALE)
 
 
-def _drive_held(table: Table, conventions: Conventions) -> bool:
-    """Return whether the drive was held: as a file written by swingid states, else as the rig file does."""
-    written = table.metadata.get("log")
-    held = written.get("drive_held") if isinstance(written, dict) else None
-    return held if isinstance(held, bool) else conventions.drive_held
-
-
 def _saved_findings(table: Table) -> tuple[Finding, ...]:
     """What had been found in the log before swingid wrote this file."""
     saved = table.metadata.get("findings")
@@ -218,12 +210,6 @@ def _saved_findings(table: Table) -> tuple[Finding, ...]:
             of_pivot = (_size(pivot[0]), _size(pivot[1])) if isinstance(pivot, list) and len(pivot) == 2 else None
             findings.append(Finding(code, message, entry["level"], named, None, spans, of_time, of_zero, of_pivot))
     return tuple(findings)
-
-
-def _saved_off(table: Table) -> frozenset[str]:
-    """Repairs that were switched off for the log before swingid wrote this file."""
-    saved = _saved_findings(table)
-    return frozenset(finding.repair for finding in saved if finding.code == OFF and finding.repair)
 
 
 def _size(saved: object) -> float:

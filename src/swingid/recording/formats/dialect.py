@@ -85,15 +85,10 @@ def _rows_of_names(cells: Sequence[Sequence[str]], first: int, width: int, decim
     begin = first
     if last == first and several and first and len(cells[first - 1]) in (width, width - 1, width + 1):
         begin = first - 1
-    rows = [_as_wide(row, width) for row in cells[begin:last]]
+    rows = [[*row, *[""] * (width - len(row))][:width] for row in cells[begin:last]]  # filled up at their ends
     if not several or not 0 < len(rows) < MOST_ROWS_OF_NAMES or last >= len(cells) or len(cells[last]) != width:
         return first, []
     return last, rows
-
-
-def _as_wide(row: Sequence[str], width: int) -> list[str]:
-    """The row with as many cells as the rows of numbers have, empty ones at its end."""
-    return [*row, *[""] * (width - len(row))][:width]
 
 
 def _names(above: Sequence[Sequence[str]], lowest: Sequence[str]) -> tuple[str, ...]:

@@ -180,7 +180,8 @@ def _numbers_in(file: Any, path: str) -> Iterator[_Numbers]:
             continue
         long = [axis for axis, length in enumerate(item.shape) if length > 1]
         if len(long) == 1:
-            names, axis = (name,), long[0]
+            names: tuple[str, ...] = (name,)
+            axis = long[0]
         elif len(long) == 2 and min(item.shape[axis] for axis in long) <= WIDEST:
             rows, columns = reversed(long) if "MATLAB_class" in item.attrs else long
             upright = item.shape[rows] >= item.shape[columns]

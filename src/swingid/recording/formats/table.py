@@ -100,14 +100,16 @@ class Table:
 
 @dataclass(frozen=True)
 class PartFile(ABC):
-    """A file that is read in pieces: its path, its rows (of text about so many), its columns with a row of zeros each.
-
-    A format's own has a function `open` that gives it, or None where a file cannot be read so.
-    """
+    """A file that is read in pieces: its path, its rows (of text about so many), its columns with a row of zeros each."""
 
     path: str
     rows: int
     columns: Table
+
+    @classmethod
+    @abstractmethod
+    def open(cls, path: str) -> PartFile | None:
+        """Look at a file; None where it cannot be read so."""
 
     def header(self) -> Table:
         """The columns, each with a row of zeros in the place of its own."""

@@ -103,7 +103,7 @@ def guess_speeds(moving: list[Candidate], stamps: Array) -> dict[Candidate, str]
     result = {}
     for speed in moving:
         named = speed.scores["speed"] >= 2 or speed.unit in traits.SPEED_UNITS or traits.is_gyroscope(speed.name)
-        if not named and max(_main(speed)) >= 2:
+        if not named and max(speed.scores[role] for role in OF_OTHERS) >= 2:
             continue
         match = [(traits.correlation(level[speed.name], slopes[c.name]), c) for c in moving if c is not speed]
         match = [(r, c) for r, c in match if c.scores["speed"] < 3 and c.unit not in traits.SPEED_UNITS]
@@ -113,9 +113,8 @@ def guess_speeds(moving: list[Candidate], stamps: Array) -> dict[Candidate, str]
     return result
 
 
-def _main(candidate: Candidate) -> list[float]:
-    return [candidate.scores[role] for role in ("angle", "wheel", "voltage", "torque", "reference", "current")]
-
+OF_OTHERS = ("angle", "wheel", "voltage", "torque", "reference", "current")
+"""Roles by a name of which a column is no speed."""
 
 FEWEST = 20
 """Rows from which on a motion can be seen."""
@@ -349,7 +348,8 @@ def _guess(columns: list[Column]) -> Roles:
     rest = [c for c in candidates if c is not time]
     moving = [c for c in rest if not c.column.constant]
     others = {c.name: "does not change" for c in rest if c.column.constant}
-    others |= {c.name: "lists, which need a column for each number" for c in columns if _holds_lists(c)}
+    texts = [c for c in columns if c.kind == "text" and any(cell.strip().startswith(("[", "(")) for cell in c.first)]
+    others |= {c.name: "lists, which need a column for each number" for c in texts}
     beside = clocks_beside(moving)
     others |= beside
     others |= {c.name: "of an accelerometer or magnetometer" for c in moving if traits.is_no_motion(c)}
@@ -377,8 +377,3 @@ def _guess(columns: list[Column]) -> Roles:
         guess_wheel_speed(speeds, angle, roles)
     linear = roles["angle"].unit in ("m", "mm")
     return Roles(roles, others, None if linear else counted_from_top(angle, roles["angle"].unit), linear)
-
-
-def _holds_lists(column: Column) -> bool:
-    """Return whether the cells are texts such as "[0.1, 0.2]"."""
-    return column.kind == "text" and any(cell.strip().startswith(("[", "(")) for cell in column.first)

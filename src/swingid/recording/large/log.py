@@ -54,12 +54,13 @@ def _file(path: str | Path) -> PartFile | None:
             start = stream.read(1024)
     except (OSError, ValueError):
         return None
-    kinds = {parquet.MAGIC: parquet.File, mcap.MAGIC: mcap_parts.File, hdf5.MAGIC: hdf5.File}
-    # that of HDF5 also stands behind the header of MATLAB v7.3
-    kind = next(
-        (file for magic, file in kinds.items() if start.startswith(magic) or start[512:].startswith(magic)), None
-    )
-    return (kind or csv.File).open(str(path))
+    kinds: dict[bytes, type[PartFile]] = {
+        parquet.MAGIC: parquet.File,
+        mcap.MAGIC: mcap_parts.File,
+        hdf5.MAGIC: hdf5.File,  # also behind the header of MATLAB v7.3
+    }
+    found = [kind for magic, kind in kinds.items() if start.startswith(magic) or start[512:].startswith(magic)]
+    return (found or [csv.File])[0].open(str(path))
 
 
 def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:

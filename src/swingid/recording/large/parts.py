@@ -201,6 +201,8 @@ def _recording(part: _Part, reading: Reading) -> Recording | SwingidError:
             findings=tuple(reading.findings),
             source=Source(reading.name, None),
             averaged=part.block,
+            metadata={},
+            selected=False,
             repairs_off=reading.off,
         )
     except SwingidError as error:

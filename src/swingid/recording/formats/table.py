@@ -100,7 +100,7 @@ class Table:
 
 @dataclass(frozen=True)
 class PartFile(ABC):
-    """A file that is read in pieces: its path, its rows (of text about so many), its columns with a row of zeros each."""
+    """A file that is read in pieces: path, rows (of text about so many), columns with a row of zeros each."""
 
     path: str
     rows: int

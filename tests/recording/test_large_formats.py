@@ -188,8 +188,8 @@ def test_messages_are_found_among_the_records_of_a_chunk():
         parts += [record(3, b"a schema")] * (k == 2)
     data = b"".join(parts)
     found = _messages(data, frozenset((0, 1)))
-    assert [(m.log_time, m.data) for m in found] == list(zip(range(100, 105), texts, strict=True))
-    assert [(m.channel, m.log_time) for m in _messages(data, frozenset((1,)))] == [(1, 101), (1, 103)]
+    assert [entry[1:] for entry in found] == list(zip(range(100, 105), texts, strict=True))
+    assert [entry[:2] for entry in _messages(data, frozenset((1,)))] == [(1, 101), (1, 103)]
     for damaged in (data[:-1], data[:-5], data + b"\xff" * 40):
         with pytest.raises(ValueError, match="longer than its chunk"):
             _messages(damaged, frozenset((0, 1)))

@@ -49,7 +49,7 @@ def read(content: bytes, name: str) -> Table:
         for schema, channel, message in contents.messages:
             if contents.metadata.get("live") and channel.topic != LIVE:
                 continue
-            cells = cells_of(schema, channel, message, decode, name)
+            cells = cells_of(schema, channel, message.data, message.log_time, decode, name)
             if cells:
                 topics.setdefault(channel.topic.strip("/").replace("/", "."), []).append(cells)
     if not topics:
@@ -169,11 +169,11 @@ def ros2_decoder() -> Any:
     return DecoderFactory()
 
 
-def cells_of(schema: Any, channel: Any, message: Any, decode: Any, name: str) -> dict[str, float]:
-    """The numbers of one message with its instant as "time" (unless it has a "t" or "time" of its own)."""
+def cells_of(schema: Any, channel: Any, data: bytes, log_time: int, decode: Any, name: str) -> dict[str, float]:
+    """The numbers of one message with its instant (ns) as "time" (unless it has a "t" or "time" of its own)."""
     cells: dict[str, float] = {}
     if channel.message_encoding == "json":
-        row = json.loads(message.data)
+        row = json.loads(data)
         cells = flat(row) if isinstance(row, dict) else {}
         cells = {key: float(value) for key, value in cells.items() if isinstance(value, int | float)}
     elif channel.message_encoding == "cdr" and schema is not None and schema.name == JOINT_STATE:
@@ -181,12 +181,12 @@ def cells_of(schema: Any, channel: Any, message: Any, decode: Any, name: str) ->
             require("mcap_ros2.decoder", "mcap-ros2-support", name, "an MCAP file with ROS 2 messages")
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # the package prints what it cannot parse
             decoder = decode.decoder_for(channel.message_encoding, schema)
-            state = decoder(message.data)
+            state = decoder(data)
         stamp = state.header.stamp
         cells["time"] = stamp.sec + 1e-9 * stamp.nanosec
         for kind in KINDS:
             for joint, value in zip(state.name, getattr(state, kind), strict=False):
                 cells[f"{joint}.{kind}"] = float(value)
     if cells and not {"t", "time"} & cells.keys():
-        cells["time"] = 1e-9 * message.log_time
+        cells["time"] = 1e-9 * log_time
     return cells

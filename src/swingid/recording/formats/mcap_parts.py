@@ -7,8 +7,9 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice, pairwise
+from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -102,13 +103,13 @@ class File(PartFile):
 
     def _table(self, topic: _Topic, messages: list[_Message], wanted: list[str]) -> Table:
         """The wanted columns of messages, in the order of the log's time."""
-        messages.sort(key=lambda message: message.log_time)
+        messages.sort(key=itemgetter(1))
         columns = _together(topic, messages, wanted) if topic.in_json else None
         if columns is None:  # as `mcap.read` has them
             decode, summary = mcap.ros2_decoder(), self.summary
             channels = {number: summary.channels[number] for number in topic.channels}
             kinds = {number: summary.schemas.get(channel.schema_id) for number, channel in channels.items()}
-            each = [(kinds[m.channel], channels[m.channel], m) for m in messages]
+            each = [(kinds[number], channels[number], data, log_time) for number, log_time, data in messages]
             rows = [cells for entry in each if (cells := mcap.cells_of(*entry, decode, self.path))]
             found, none = columns_of(rows), np.full(len(rows), np.nan)
             columns = {name: np.asarray(found.get(name, none), np.float64) for name in wanted}
@@ -132,13 +133,8 @@ def _prefix(topic: _Topic, topics: Sequence[_Topic]) -> str:
     return "" if len(topics) == 1 else f"{topic.name}."
 
 
-class _Message(NamedTuple):
-    """A message of a chunk: the number of its channel, its time in the log (ns), its data."""
-
-    channel: int
-    log_time: int
-    data: bytes
-
+_Message = tuple[int, int, bytes]
+"""A message of a chunk: the number of its channel, its time in the log (ns), its data."""
 
 MESSAGE, RECORD, HEAD = 5, struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Opcode of a message; a record's opcode and length; a message's channel, sequence and two times before its data."""
@@ -149,7 +145,8 @@ def _messages(records: bytes, channels: frozenset[int]) -> list[_Message]:
 
     Layout: https://mcap.dev/spec.
     """
-    messages, at = [], 0
+    messages: list[_Message] = []
+    at = 0
     while at + RECORD.size <= len(records):
         opcode, length = RECORD.unpack_from(records, at)
         at += RECORD.size
@@ -160,7 +157,7 @@ def _messages(records: bytes, channels: frozenset[int]) -> list[_Message]:
                 raise ValueError("a message is shorter than its head")
             channel, _, log_time, _ = HEAD.unpack_from(records, at)
             if channel in channels:
-                messages.append(_Message(channel, log_time, records[at + HEAD.size : at + length]))
+                messages.append((channel, log_time, records[at + HEAD.size : at + length]))
         at += length
     return messages
 
@@ -170,7 +167,7 @@ def _together(topic: _Topic, messages: list[_Message], wanted: list[str]) -> dic
     import pyarrow as pa
     import pyarrow.json as pj
 
-    content = pa.BufferReader(b"\n".join([message.data for message in messages]))
+    content = pa.BufferReader(b"\n".join([data for _, _, data in messages]))
     try:
         table = pj.read_json(content, read_options=pj.ReadOptions(use_threads=False))  # as `csv.read_rows`
         while any(pa.types.is_struct(column.type) for column in table.columns):
@@ -185,7 +182,7 @@ def _together(topic: _Topic, messages: list[_Message], wanted: list[str]) -> dic
     if not (plain and whole and table.num_rows == len(messages) and own == {"t", "time"} & topic.in_json):
         return None
     columns = {name: numbers_of(column) for name, column in read.items()}
-    return columns | {"time": columns.get("time", 1e-9 * np.array([message.log_time for message in messages]))}
+    return columns | {"time": columns.get("time", 1e-9 * np.array([log_time for _, log_time, _ in messages]))}
 
 
 def _follow(indexes: list[Any]) -> bool:
@@ -208,7 +205,7 @@ def _topics(reader: Any, summary: Any, live: bool) -> list[_Topic]:
         counts = summary.statistics.channel_message_counts
         rows = sum(int(counts.get(channel.id, 0)) for channel in of_topic)
         sample = list(islice(reader.iter_messages(topics=[name]), SAMPLE)) if rows else []
-        cells = [mcap.cells_of(kind, channel, message, decode, name) for kind, channel, message in sample]
+        cells = [mcap.cells_of(kind, channel, m.data, m.log_time, decode, name) for kind, channel, m in sample]
         columns = tuple(dict.fromkeys(column for row in cells for column in row))
         if not columns:
             continue

@@ -102,10 +102,8 @@ def _names(above: Sequence[Sequence[str]], lowest: Sequence[str]) -> tuple[str, 
             filled.append("" if k == 0 and held.lower() in STACK else held)
         if len({cell for cell in filled if cell}) > 1:
             parts.append(filled)
-    if not parts and above:
-        parts = [["" for _ in lowest]]
     lowest = ["frame" if cell.strip().lower() in STACK else cell.strip() for cell in lowest]
-    columns = zip(*parts, lowest, strict=True) if parts else ((cell,) for cell in lowest)
+    columns = zip(*parts, lowest, strict=True)
     joined = (" ".join(dict.fromkeys(part for part in column if part)) for column in columns)
     return tuple(name or f"column{k}" for k, name in enumerate(joined, start=1))
 

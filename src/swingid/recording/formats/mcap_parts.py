@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice, pairwise
 from operator import itemgetter
@@ -45,9 +45,12 @@ class _Topic:
 
 @dataclass(frozen=True)
 class File(PartFile):
-    """An MCAP file whose chunks follow each other in time: its topics; `rows` are of the one with the most messages."""
+    """An MCAP file whose chunks follow each other in time; `rows` are of the topic with the most messages.
 
-    topics: tuple[_Topic, ...]
+    owners: by column its topic, and its name there.
+    """
+
+    owners: dict[str, tuple[_Topic, str]]
     summary: Any = field(repr=False)
 
     @classmethod
@@ -73,13 +76,15 @@ class File(PartFile):
             return None
         if not topics:
             return None
-        names = [_prefix(topic, topics) + column for topic in topics for column in topic.columns]
+        several = len(topics) > 1
+        owners = {f"{topic.name}." * several + column: (topic, column) for topic in topics for column in topic.columns}
         rows = max(topic.rows for topic in topics)
-        return cls(path, rows, header_of(names, contents.metadata), tuple(topics), summary)
+        return cls(path, rows, header_of(owners, contents.metadata), owners, summary)
 
     def together(self) -> list[str]:
         """The columns that have a value in every row: those of the topic with the most messages."""
-        return self._names(max(self.topics, key=lambda topic: topic.rows))
+        most = max((topic for topic, _ in self.owners.values()), key=lambda topic: topic.rows)
+        return [column for column, (topic, _) in self.owners.items() if topic is most]
 
     def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
         """Columns of one topic in pieces of `rows` rows; InputError where the file is damaged."""
@@ -88,21 +93,20 @@ class File(PartFile):
     def _blocks(self, rows: int, columns: list[str]) -> Iterator[Table]:
         """The columns in blocks of whole chunks, of `rows` rows or more."""
         topic = self._topic_of(columns)
-        prefix = _prefix(topic, self.topics)
-        wanted = [column.removeprefix(prefix) for column in columns]
         waiting: list[_Message] = []
         with mcap.damaged(self.path), Path(self.path).open("rb") as stream:
             for index in sorted(self.summary.chunk_indexes, key=lambda chunk: int(chunk.message_start_time)):
                 if not index.message_index_offsets or topic.channels & index.message_index_offsets.keys():
                     waiting += _messages(_chunk(stream, index), topic.channels)
                 if len(waiting) >= rows:
-                    yield self._table(topic, waiting, wanted)
+                    yield self._table(topic, waiting, columns)
                     waiting = []
             if waiting:
-                yield self._table(topic, waiting, wanted)
+                yield self._table(topic, waiting, columns)
 
-    def _table(self, topic: _Topic, messages: list[_Message], wanted: list[str]) -> Table:
-        """The wanted columns of messages, in the order of the log's time."""
+    def _table(self, topic: _Topic, messages: list[_Message], names: list[str]) -> Table:
+        """The columns of these names of messages, in the order of the log's time."""
+        wanted = [self.owners[name][1] for name in names]
         messages.sort(key=itemgetter(1))
         columns = _together(topic, messages, wanted) if topic.in_json else None
         if columns is None:  # as `mcap.read` has them
@@ -113,24 +117,16 @@ class File(PartFile):
             rows = [cells for entry in each if (cells := mcap.cells_of(*entry, decode, self.path))]
             found, none = columns_of(rows), np.full(len(rows), np.nan)
             columns = {name: np.asarray(found.get(name, none), np.float64) for name in wanted}
-        return Table({_prefix(topic, self.topics) + name: columns[name] for name in wanted})
+        return Table({name: columns[column] for name, column in zip(names, wanted, strict=True)})
 
     def _topic_of(self, columns: list[str]) -> _Topic:
         """The topic of which the columns are; InputError where they are of several."""
-        owners = {column: topic for topic in self.topics for column in self._names(topic)}
-        topics = {owners[column].name: owners[column] for column in columns}
+        topics = {self.owners[column][0].name: self.owners[column][0] for column in columns}
         if len(topics) > 1:
             message = f"{self.path} has the columns {', '.join(columns)} in several topics ({', '.join(topics)}), which"
             message += " are not read in parts; write them into one topic, or convert a shorter log."
             raise InputError(message, code="not-in-parts")
         return next(iter(topics.values()))
-
-    def _names(self, topic: _Topic) -> list[str]:
-        return [_prefix(topic, self.topics) + column for column in topic.columns]
-
-
-def _prefix(topic: _Topic, topics: Sequence[_Topic]) -> str:
-    return "" if len(topics) == 1 else f"{topic.name}."
 
 
 _Message = tuple[int, int, bytes]

@@ -314,11 +314,7 @@ def _unit(rig: Rig, unit: str, which: Literal["angle", "wheel"]) -> tuple[float,
 
 def _speed_unit(rig: Rig, unit: str, which: Literal["angle", "wheel"] = "angle") -> float:
     """Radians (metres) per second per logged unit of a rate."""
-    if unit == "counts/s":
-        return rig.sensors.of(which).resolution  # a Rig with this unit has counts_per_turn
-    if rig.axis.kind == "linear" and which == "angle":
-        return {"mm/s": 1e-3}.get(unit, 1.0)
-    return {"rad/s": 1.0, "deg/s": TURN / 360, "turns/s": TURN, "rpm": TURN / 60}[unit]
+    return TURN / 60 if unit == "rpm" else _unit(rig, unit.removesuffix("/s"), which)[0]
 
 
 def _missing(table: Table, channel: str, conventions: Conventions, name: str) -> InputError:

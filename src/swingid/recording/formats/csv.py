@@ -229,13 +229,13 @@ def split_comments(content: bytes) -> tuple[str, bytes]:
     """The metadata of swingid from the comment lines on top, and what follows them."""
     metadata, mark = "{}", f"# {METADATA_KEY}:".encode()
     while (content := content.lstrip(b"\r\n")).startswith(_COMMENTS):
-        line, rest = _first_line(content)
+        line, _, rest = content.partition(b"\n")
         if line.startswith(mark):
             metadata = line[len(mark) :].decode("utf-8", "replace")
         elif line.startswith((b"#", b"%")) and _WORD.search(line):
             rows = rest
-            while rows.startswith(_COMMENTS) and not _WORD.search(_first_line(rows)[0]):  # such as a rule of dashes
-                rows = _first_line(rows)[1]
+            while rows.startswith(_COMMENTS) and not _WORD.search(rows.partition(b"\n")[0]):  # such as a rule of dashes
+                rows = rows.partition(b"\n")[2]
             header = None if rows.startswith(_COMMENTS) else _header_in(line[1:], rows)
             if header is not None:
                 return metadata, header + rows
@@ -244,12 +244,6 @@ def split_comments(content: bytes) -> tuple[str, bytes]:
 
 
 _WORD = re.compile(rb"[^\W_]")
-
-
-def _first_line(content: bytes) -> tuple[bytes, bytes]:
-    """The first line, and what follows it."""
-    line, _, rest = content.partition(b"\n")
-    return line, rest
 
 
 HEAD = 1 << 20

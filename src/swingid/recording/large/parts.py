@@ -198,7 +198,7 @@ def _recording(part: _Part, reading: Reading) -> Recording | SwingidError:
         return Recording(
             **model,
             drive_held=reading.held and part.block == 1,
-            findings=tuple(reading.findings),
+            findings=tuple(dict.fromkeys(reading.findings)),  # spikes that are left are found twice
             source=Source(reading.name, None),
             averaged=part.block,
             metadata={},

@@ -13,7 +13,7 @@ from swingid.model.rig.fields import seconds, stated
 from swingid.model.rig.tables import LogConventions
 from swingid.recording.findings import Finding
 from swingid.recording.points import ANGLE
-from swingid.recording.rates import RateIs, integral, with_angle
+from swingid.recording.rates import RateIs, integral, rate_of, with_angle
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
@@ -219,6 +219,11 @@ class Conventions:
         if "angle" not in self.axis and "angle_speed" in channels:
             del channels["angle"]
         return {self.columns[n]: self.scale(n).to_log(v) for n, v in channels.items()}
+
+    def speed_of(self, time: Array, wheel: Array, angle: Array) -> Array:
+        """The speed (rad/s) that a rig of these conventions would log of a wheel angle against the pendulum (rad)."""
+        turned = wheel + angle if self.wheel_is_absolute else wheel
+        return rate_of(time, turned, self.wheel_rate_is)
 
 
 @dataclass

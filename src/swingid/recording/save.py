@@ -42,8 +42,7 @@ def write_log(
     if "angle" not in kept:
         written["angle"] = channels["angle"]
     if "wheel_speed" in kept and "wheel_speed" not in written and "wheel_angle" in channels:
-        turned = channels["wheel_angle"] + (channels["angle"] if conventions.wheel_is_absolute else 0.0)
-        written["wheel_speed"] = rate_of(channels["time"], turned, conventions.wheel_rate_is)
+        written["wheel_speed"] = conventions.speed_of(channels["time"], channels["wheel_angle"], channels["angle"])
     if conventions.rate is not None:
         rate, time = conventions.rate, written.pop("time")
         if np.abs(time - time[0] - np.arange(len(time)) / rate).max() > 1e-3 / rate:

@@ -26,8 +26,8 @@ from swingid.live.native import NativeProcess
 from swingid.live.plant import Plant, board_of
 from swingid.live.processes import ProcessConductor
 from swingid.model.rig import Rig
-from swingid.recording.device_clock import compare
 from swingid.recording.formats import read_table
+from swingid.recording.live import compare
 from swingid.recording.recording import Recording
 
 RIG = Rig.load("paper")

@@ -25,7 +25,7 @@ from swingid.live.plant import Plant
 from swingid.live.preflight import rehearsed
 from swingid.live.rest import Channel, friction_band, hanging, listening_time, period_of, require_rate
 from swingid.model.rig import Rig
-from swingid.recording.device_clock import Comparison, compare
+from swingid.recording.live import Comparison, compare
 from swingid.recording.recording import Recording
 from swingid.result.result import Result
 

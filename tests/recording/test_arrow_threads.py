@@ -1,4 +1,4 @@
-"""Arrow reads with one thread: one that outlives its call aborts a process that ends (`csv.BLOCK`)."""
+"""Arrow reads with one thread: one that outlives its call aborts a process that ends (`csv.read_rows`)."""
 
 from __future__ import annotations
 

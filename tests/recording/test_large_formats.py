@@ -7,7 +7,6 @@ import json
 import struct
 import subprocess
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ from refusals import coded
 from swingid.cli import main
 from swingid.errors import InputError
 from swingid.recording.formats import hdf5, mcap, read_table
-from swingid.recording.formats.mcap_messages import split
+from swingid.recording.formats.mcap_parts import _messages
 from swingid.recording.large import LargeLog, is_large, log
 
 pytest.importorskip("h5py")
@@ -181,33 +180,22 @@ def message(channel: int, stamp: int, text: bytes) -> bytes:
     return record(5, struct.pack("<HIQQ", channel, 0, stamp, 0) + text)
 
 
-def test_messages_are_found_by_an_index_and_without_one():
+def test_messages_are_found_among_the_records_of_a_chunk():
     texts = [b"{}", b'{"x": 1}', b"", b'{"x": 12345}', b"[]"]
     parts = [record(4, b"a channel")]
-    begins = []
     for k, text in enumerate(texts):
-        begins.append(sum(map(len, parts)))
         parts.append(message(k % 2, 100 + k, text))
         parts += [record(3, b"a schema")] * (k == 2)
-    data = np.frombuffer(b"".join(parts), np.uint8)
-    every, none = np.array(begins), np.empty(0, np.int64)
-    odd = [every[1:], every[:-1], every + 1, np.append(every, 10**9), np.append(-1, every), every[[0, 0, 1, 2, 3, 4]]]
-    both = np.array([True, True])
-    expected = b"\n" + b"\n".join(texts)
-    for given in (every, none, *odd):
-        lines, stamps, ends = split(data, both, given)
-        assert lines == expected
-        assert stamps.tolist() == [100, 101, 102, 103, 104]
-        assert [lines[a:b].strip() for a, b in pairwise([0, *ends])] == texts
-        lines, stamps, _ = split(data, ~both | [False, True], given)
-        assert lines == b'\n{"x": 1}\n{"x": 12345}'
-        assert stamps.tolist() == [101, 103]
-    for cut in (1, 5, 20):
+    data = b"".join(parts)
+    found = _messages(data, frozenset((0, 1)))
+    assert [entry[1:] for entry in found] == list(zip(range(100, 105), texts, strict=True))
+    assert [entry[:2] for entry in _messages(data, frozenset((1,)))] == [(1, 101), (1, 103)]
+    for damaged in (data[:-1], data[:-5], data + b"\xff" * 40):
         with pytest.raises(ValueError, match="longer than its chunk"):
-            split(data[:-cut] if cut < 20 else np.append(data, np.full(40, 255, np.uint8)), both, none)
+            _messages(damaged, frozenset((0, 1)))
     with pytest.raises(ValueError, match="shorter than its head"):
-        split(np.frombuffer(record(5, b"short"), np.uint8), both, none)
-    assert split(np.empty(0, np.uint8), both, none)[0] == b""
+        _messages(record(5, b"short"), frozenset((0, 1)))
+    assert _messages(b"", frozenset((0, 1))) == []
 
 
 @pytest.mark.parametrize("damage", ["none", "zeros", "cut", "other"])

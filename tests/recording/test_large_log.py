@@ -199,6 +199,25 @@ def test_spikes_before_averaging_are_found_after_it(small_parts, parquet, tmp_pa
     assert result.inertia.interval95[0] < INERTIA < result.inertia.interval95[1]
 
 
+@pytest.mark.parametrize("repaired", [True, False])
+def test_spikes_of_an_angle_within_one_turn_are_left_out_as_of_a_whole_log(monkeypatch, tmp_path, repaired):
+    from swingid.recording.large import log, parts
+
+    for module, name, value in ((log, "LARGE", 0), (log, "PIECE", 400), (parts, "ENOUGH", 300)):
+        monkeypatch.setattr(module, name, value)
+    time, spikes = np.arange(1200) / 100, [150, 300, 555, 900]
+    angle = 3.0 * np.sin(2 * time) + 3.7
+    angle[spikes] += 2.5
+    path = tmp_path / "log.csv"
+    pc.write_csv(pa.table({"t": time, "q1": np.mod(angle, 2 * np.pi)}), path)
+    rig = sw.Rig.from_text('drive = {kind = "none"}', "rig.toml")
+    read = [part for _, part in LargeLog(str(path), rig, repairs={"spikes": repaired}).parts()]
+    whole = Recording.load(path, rig, repairs={"spikes": repaired})
+    assert np.array_equal(np.concatenate([part.time for part in read]), whole.time)
+    code = "spikes" if repaired else "spikes-left"
+    assert [[f.code for f in part.findings].count(code) for part in (*read, whole)] == [1, 1, 1, 1]
+
+
 def test_no_repair_is_silent(small_parts, parquet, tmp_path):
     wheel = columns_of(parquet)["q2"].copy()
     wheel[[1000, 300_000]] = np.nan

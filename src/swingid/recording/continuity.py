@@ -56,7 +56,9 @@ def unwrap(time: Array, values: Array, turn: float) -> Unwrapped:
     motion: the turn nearest to what speed and acceleration of the rows before predict; the count starts at
     the smallest speed. Spikes are stepped over; small ones may remain, which do not disturb the count.
     """
-    spikes = _slow_spikes(values, turn)
+    # rows that jump away and back at once, whole turns disregarded: spikes of a motion of few degrees per row
+    jump = np.abs(_remainder(np.diff(values), turn)) > turn / 6
+    spikes = np.concatenate(([False], jump[:-1] & jump[1:], [False]))
     kept = values[~spikes]
     if np.abs(_remainder(np.diff(kept), turn)).max() <= 0.25 * turn:
         turns = np.concatenate(([0.0], np.cumsum(np.round(np.diff(kept) / turn))))
@@ -71,12 +73,6 @@ def unwrap(time: Array, values: Array, turn: float) -> Unwrapped:
     result = values.copy()
     result[~spikes] = continuous
     return Unwrapped(result, spikes, ambiguous)
-
-
-def _slow_spikes(values: Array, turn: float) -> Bools:
-    """Rows that jump away and back at once, whole turns disregarded; for motion of few degrees per row."""
-    jump = np.abs(_remainder(np.diff(values), turn)) > turn / 6
-    return np.concatenate(([False], jump[:-1] & jump[1:], [False]))
 
 
 def _even_spikes(time: Array, values: Array, turn: float) -> Bools:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -214,16 +214,11 @@ class Conventions:
             channels["supply"] = np.ones_like(channels["voltage"])
         if self.wheel == "wheel_speed":
             channels.pop("wheel_angle", None)
-        if "angle" not in self.axis and "angle_speed" in channels:
-            turned = channels.pop("angle")
-            channels |= {"wheel_angle": channels["wheel_angle"] + turned} if self._is_absolute(channels) else {}
-            return {self.columns[n]: self.scale(n).to_log(v) for n, v in channels.items()}
-        if self._is_absolute(channels):
+        if self.wheel_is_absolute and "wheel_angle" in channels:
             channels["wheel_angle"] = channels["wheel_angle"] + channels["angle"]
+        if "angle" not in self.axis and "angle_speed" in channels:
+            del channels["angle"]
         return {self.columns[n]: self.scale(n).to_log(v) for n, v in channels.items()}
-
-    def _is_absolute(self, channels: Mapping[str, Array]) -> bool:
-        return self.wheel_is_absolute and "wheel_angle" in channels
 
     def speed_of(self, time: Array, wheel: Array, angle: Array) -> Array:
         """The speed (rad/s) that a rig of these conventions would log of a wheel angle against the pendulum (rad)."""
@@ -236,7 +231,8 @@ class Reading:
     """A log as it is read: rig, conventions, the file's name for messages, repairs that are switched `off`; findings.
 
     held: whether the drive was held. span: the part of the log (s) to use, None for all of it. before: rows of the file
-    before these, where it is read in pieces.
+    before these, where it is read in pieces. averaged: rows of the log that each row is the mean of. texts: by channel,
+    the first text that stood in the place of a number.
     """
 
     rig: Rig
@@ -247,6 +243,8 @@ class Reading:
     findings: list[Finding]
     span: tuple[float, float] | None = None
     before: int = 0
+    averaged: int = 1
+    texts: dict[str, str] = field(default_factory=dict)
 
     def column(self, channel: str) -> str:
         """The column of a channel, in words."""
@@ -260,23 +258,22 @@ class Reading:
         repair: str | None = None,
         *,
         at: Iterable[float] = (),
-        of_time: float = 0.0,
-        source: str = "",
+        **more: Any,
     ) -> None:
-        """Add a finding; at: instants (s) where it happened; of_time, source: see `Finding`."""
+        """Add a finding; at: instants (s) where it happened; more: fields of a `Finding`."""
         spans = tuple((float(instant), float(instant)) for instant in at)
-        self.findings.append(Finding(code, message, level, repair, spans=spans, of_time=of_time, source=source))
+        self.findings.append(Finding(code, message, level, repair, spans=spans, **more))
 
 
-def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
-    """The rig's channels out of a file's table, in logged units (the time in s), and the first text among the numbers.
+def gather(table: Table, reading: Reading) -> Channels:
+    """The rig's channels out of a file's table, in logged units (the time in s).
 
-    Cells without a number are NaN. Raises InputError for a missing column (naming the nearest that exist and
-    the key of [log] that sets it), for columns of unequal length, and for a column without numbers.
+    Cells without a number are NaN; `reading` gets the first text among them. Raises InputError for a missing column
+    (naming the nearest that exist and the key of [log] that sets it), for columns of unequal length, and for a column
+    without numbers.
     """
     conventions, name = reading.conventions, reading.name
     logged: Channels = {}
-    texts: dict[str, str] = {}
     voltage_is_due = "voltage" in conventions.stated and not table.metadata  # what swingid wrote, it wrote whole
     wanted = ("time", *conventions.channels) if conventions.rate is None else conventions.channels
     for channel in wanted:
@@ -290,8 +287,8 @@ def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
             continue  # in a file of other origin a column "k" may be anything
         logged[channel], text = table.numbers(column)
         if text is not None:
-            texts[channel] = text
-        if channel not in ("reference", "adaptive_gain") and _is_empty(logged[channel]):
+            reading.texts[channel] = text
+        if channel not in ("reference", "adaptive_gain") and np.isnan(logged[channel]).all():
             sample = f" but text such as {text!r}" if text else ""
             message = f"{name}: column {column!r} holds no numbers{sample}; set [log] {channel} to the column"
             raise InputError(f"{message} that holds the {channel}.", code="no-numbers")
@@ -306,12 +303,7 @@ def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
         logged = {"time": np.arange(rows) / conventions.rate, **logged}
     else:
         logged["time"] = conventions.scale("time").to_model(logged["time"])
-    return logged, texts
-
-
-def _is_empty(values: Array) -> bool:
-    """Return whether no cell is a number; quick where the first one is."""
-    return values.size == 0 or bool(np.isnan(values[0]) and np.isnan(values).all())
+    return logged
 
 
 def _unit(rig: Rig, unit: str, which: Literal["angle", "wheel"]) -> tuple[float, float | None]:
@@ -327,11 +319,7 @@ def _unit(rig: Rig, unit: str, which: Literal["angle", "wheel"]) -> tuple[float,
 
 def _speed_unit(rig: Rig, unit: str, which: Literal["angle", "wheel"] = "angle") -> float:
     """Radians (metres) per second per logged unit of a rate."""
-    if unit == "counts/s":
-        return rig.sensors.of(which).resolution  # a Rig with this unit has counts_per_turn
-    if rig.axis.kind == "linear" and which == "angle":
-        return {"mm/s": 1e-3}.get(unit, 1.0)
-    return {"rad/s": 1.0, "deg/s": TURN / 360, "turns/s": TURN, "rpm": TURN / 60}[unit]
+    return TURN / 60 if unit == "rpm" else _unit(rig, unit.removesuffix("/s"), which)[0]
 
 
 def _missing(table: Table, channel: str, conventions: Conventions, name: str) -> InputError:

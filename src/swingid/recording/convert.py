@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swingid.errors import InputError
 from swingid.progress import advanced
 from swingid.recording.formats import parquet, read_table, writer_for
-from swingid.recording.formats.table import METADATA_KEY
-from swingid.recording.large import is_large
-from swingid.recording.large.log import pieces_of, rows_in
+from swingid.recording.formats.table import METADATA_KEY, Table
+from swingid.recording.large.log import PIECE, is_large, opened
 from swingid.recording.load import read_bytes
 from swingid.system import write_whole
+
+if TYPE_CHECKING:
+    from swingid.recording.formats.table import PartFile
 
 
 def convert(source: str | Path, target: str | Path) -> tuple[int, list[str], list[str]]:
@@ -26,7 +30,7 @@ def convert(source: str | Path, target: str | Path) -> tuple[int, list[str], lis
     """
     writer = writer_for(Path(target))
     if is_large(source):
-        return _convert_large(source, Path(target))
+        return _convert_large(opened(source), Path(target))
     table = read_table(read_bytes(source), str(source))
     columns, dropped = {}, []
     for name in table.columns:
@@ -46,7 +50,7 @@ def convert(source: str | Path, target: str | Path) -> tuple[int, list[str], lis
     return lengths.pop(), list(columns), dropped
 
 
-def _convert_large(source: str | Path, target: Path) -> tuple[int, list[str], list[str]]:
+def _convert_large(file: PartFile, target: Path) -> tuple[int, list[str], list[str]]:
     """Convert a large log into Parquet, in bounded memory.
 
     A column without a number in its first rows is left out.
@@ -55,38 +59,34 @@ def _convert_large(source: str | Path, target: Path) -> tuple[int, list[str], li
     """
     if target.suffix.lower() not in parquet.ENDINGS:
         message = (
-            f"{source} is a log of more than a million rows, which only Parquet holds well; give a name ending in "
+            f"{file.path} is a log of more than a million rows, which only Parquet holds well; give a name ending in"
         )
-        raise InputError(f"{message}.parquet in the place of {target}.", code="too-large")
+        raise InputError(f"{message} .parquet in the place of {target}.", code="too-large")
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    header, pieces = pieces_of(source)
-    total = rows_in(source)
-    partial = target.with_name(f".{target.name}.part")
-    rows, names, dropped = 0, {}, []
-    writer = None
+    pieces, units = file.pieces(PIECE, file.together()), file.header().units
+    first = next(pieces, Table({}))
+    dropped = [name for name in first.columns if np.isnan(first.numbers(name)[0]).all()]
+    names = {
+        name: f"{name} [{units[name]}]" if name in units else name for name in first.columns if name not in dropped
+    }
+    if not names:
+        raise InputError(f"{file.path} has no column of numbers to convert.", code="no-numbers")
+    schema = pa.schema([(named, pa.float64()) for named in names.values()])
+    schema = schema.with_metadata({METADATA_KEY: json.dumps(file.header().metadata)})
+    partial, rows = target.with_name(f".{target.name}.part"), 0
     try:
-        for table in pieces:
-            if writer is None:
-                dropped = [name for name in table.columns if np.isnan(table.numbers(name)[0]).all()]
-                kept = [name for name in table.columns if name not in dropped]
-                names = {name: f"{name} [{header.units[name]}]" if name in header.units else name for name in kept}
-                schema = pa.schema([(named, pa.float64()) for named in names.values()])
-                schema = schema.with_metadata({METADATA_KEY: json.dumps(header.metadata)})
-                writer = pq.ParquetWriter(partial, schema, compression="zstd")
-            columns = [table.numbers(name)[0] for name in names]
-            writer.write_table(pa.table(dict(zip(names.values(), columns, strict=True)), schema=writer.schema))
-            rows += len(columns[0]) if columns else 0
-            advanced(min(rows, total), total)
-        if writer is not None:
-            writer.close()
-            advanced(total, total)
-            partial.replace(target)
+        with pq.ParquetWriter(partial, schema, compression="zstd") as writer:
+            for table in chain([first], pieces):
+                columns = [table.numbers(name)[0] for name in names]
+                writer.write_table(pa.table(dict(zip(names.values(), columns, strict=True)), schema=schema))
+                rows += len(columns[0])
+                advanced(min(rows, file.rows), file.rows)
+        advanced(file.rows, file.rows)
+        partial.replace(target)
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror or error}", code="cannot-write") from None
     finally:
         partial.unlink(missing_ok=True)
-    if not names:
-        raise InputError(f"{source} has no column of numbers to convert.", code="no-numbers")
     return rows, list(names.values()), dropped

@@ -88,7 +88,8 @@ def get(dataset: DataSet, folder: Path, source: Path | None = None) -> Iterator[
             _verify(target, file, "remove it and get the data set again")
             yield target, "there"
             continue
-        copy = None if place is None else _copy_of(file, dataset, place)
+        copies = [] if place is None else [place / dataset.name / file.name, place / file.name]
+        copy = next((path for path in copies if path.is_file()), None)
         if copy is not None:
             _verify(copy, file, "use a copy of the original file")
             _put(copy, target)
@@ -102,11 +103,6 @@ def get(dataset: DataSet, folder: Path, source: Path | None = None) -> Iterator[
             with tempfile.TemporaryDirectory() as scratch:
                 _put(_download(file, file.address, Path(scratch)), target)
             yield target, "downloaded"
-
-
-def _copy_of(file: DataFile, dataset: DataSet, place: Path) -> Path | None:
-    candidates = (place / dataset.name / file.name, place / file.name)
-    return next((path for path in candidates if path.is_file()), None)
 
 
 def _verify(path: Path, file: DataFile, advice: str) -> None:

@@ -57,7 +57,8 @@ def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, l
             continue
         used = str(getattr(rig.log, key))
         if stated != used and key in conventions.stated:
-            raise _unit_conflict(name, column, unit, key, used)
+            text = f'{name}: the header of column {column!r} states {unit}, but [log] {key} = "{used}"'
+            raise InputError(f"{text}; make them agree, or rename the column.", code="unit-conflict")
         if stated != used:
             changes[f"log.{key}"] = stated
             findings.append(_unit_note(column, unit, key))
@@ -131,11 +132,6 @@ def _stated_unit(table: Table, conventions: Conventions, channel: str) -> tuple[
 def _unit_note(column: str, unit: str, key: str | None) -> Finding:
     stated = f"; [log] {key} may state it" if key else ""
     return Finding("unit-of-header", f"column {column!r} is read in {unit}, as its header states{stated}.", "note")
-
-
-def _unit_conflict(name: str, column: str, unit: str, key: str, used: str) -> InputError:
-    message = f'{name}: the header of column {column!r} states {unit}, but [log] {key} = "{used}"; make them agree'
-    return InputError(f"{message}, or rename the column.", code="unit-conflict")
 
 
 EPOCH = 1e8

@@ -19,8 +19,8 @@ from swingid.recording.grid import check_grids
 from swingid.recording.header import FACTORS, from_first_row, with_header_units
 from swingid.recording.live import is_live, live
 from swingid.recording.points import with_angle
-from swingid.recording.rate_checks import check_beside, unsaturated
-from swingid.recording.repair import repair
+from swingid.recording.rate_checks import check_beside
+from swingid.recording.repair import repaired
 from swingid.recording.rows import LARGEST, MANY
 from swingid.spellings import canonical
 from swingid.system import LARGEST_FILE, is_file, read_input
@@ -37,17 +37,14 @@ if TYPE_CHECKING:
 MOST_ROWS = 4_000_000
 
 
-def read_log(
-    path: str | Path, rig: Rig, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
-) -> dict[str, Any]:
-    """The fields of the Recording in a file, by name; see `Recording.load`."""
+def read_log(path: str | Path, rig: Rig, repairs: Mapping[str, bool] | None) -> tuple[Table, Source]:
+    """The table in a file, and where it is from; raises as `Recording.load`."""
     require_rig(rig)
     switched_off(repairs)  # raises for a name that is none before anything is read
     content = read_bytes(path)
     name = str(path)
     table = read_table(without_lines(content, rig.log.skip_rows, rig.log.comment, name), name)
-    source = Source(name, hashlib.sha256(content).hexdigest())
-    return contents_of(table, rig, source, still_axis=still_axis, repairs=repairs)
+    return table, Source(name, hashlib.sha256(content).hexdigest())
 
 
 def contents_of(
@@ -62,28 +59,24 @@ def contents_of(
     reading.findings += unreadable_rows(table, reading)
     if is_live(table):
         table, reading = live(table, reading)
-    logged, texts = gather(table, reading)
+    logged = gather(table, reading)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
-        channels = reading.conventions.to_model(unsaturated(repair(logged, texts, reading), reading))
+        channels = reading.conventions.to_model(repaired(logged, reading))
         check_beside(channels, reading)
         check_motion(channels, reading, still_axis=still_axis)
-    metadata = table.metadata.get("metadata")
+    saved, run = table.metadata.get("metadata"), table.metadata.get("run")
+    metadata = dict(saved) if isinstance(saved, dict) else {}
+    if isinstance(run, dict):  # of a journal
+        metadata["run"] = {key: run[key] for key in ("device", "firmware") if key in run}
+    off = {finding.repair for finding in reading.findings if finding.code == OFF and finding.repair}
     return {
         **channels,
         "drive_held": reading.held,
-        "metadata": (metadata if isinstance(metadata, dict) else {}) | _device_of(table),
+        "metadata": metadata,
         "findings": tuple(reading.findings),
-        "repairs_off": reading.off | _saved_off(table),
+        "repairs_off": reading.off | off,
         "source": replace(source, read=True),
     }
-
-
-def _device_of(table: Table) -> dict[str, object]:
-    """Device and firmware that a journal names, as metadata of its recording."""
-    run = table.metadata.get("run")
-    if not isinstance(run, dict):
-        return {}
-    return {"run": {key: run[key] for key in ("device", "firmware") if key in run}}
 
 
 def reading_of(header: Table, first: Table | None, rig: Rig, name: str, repairs: Mapping[str, bool] | None) -> Reading:
@@ -95,12 +88,14 @@ def reading_of(header: Table, first: Table | None, rig: Rig, name: str, repairs:
     off = switched_off(repairs)
     conventions, units = with_header_units(header, rig, name)
     _check_origin(header, conventions, name)
-    findings = [*_saved_findings(header), *notes_of(off), *units]
-    findings += [*_no_reference(header, conventions), *_integrated(conventions), *_unstated(header, conventions)]
+    findings = [*_saved_findings(header), *notes_of(off), *units, *_assumed(header, conventions)]
     if first is not None:
         conventions, epoch = from_first_row(first, conventions)
         findings += [*epoch, *check_grids(first, conventions, rig)]
-    return Reading(rig, conventions, name, off, _drive_held(header, conventions), findings)
+    written = header.metadata.get("log")
+    held = written.get("drive_held") if isinstance(written, dict) else None
+    held = held if isinstance(held, bool) else conventions.drive_held
+    return Reading(rig, conventions, name, off, held, findings)
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -176,48 +171,29 @@ READINGS = {
 }
 
 
-def _integrated(conventions: Conventions) -> Iterator[Finding]:
-    """A note where an angle is not measured but its speed."""
+def _assumed(table: Table, conventions: Conventions) -> Iterator[Finding]:
+    """Notes of a reference that the log lacks and of angles by their rates; a warning of a torque without a unit."""
+    column, columns = conventions.columns["reference"], conventions.columns
+    if table.find(column) is None and "reference" in conventions.stated and not table.metadata:
+        text = f"the log has no column {column!r} (the reference); nothing needs it."
+        yield Finding("no-reference", text, "note")
     if "wheel_speed" in conventions.channels:
-        column, rate_is = conventions.columns["wheel_speed"], conventions.wheel_rate_is
-        text = f"the wheel's angle is the integral of its speed (column {column!r}, taken as {READINGS[rate_is]}); "
-        other = "mean" if rate_is == "instant" else "instant"
-        yield Finding(
-            "wheel-angle-integrated", f'{text}where that is otherwise, set wheel_speed_is = "{other}".', "note"
-        )
+        rate_is = conventions.wheel_rate_is
+        text = f"the wheel's angle is the integral of its speed (column {columns['wheel_speed']!r}, taken as "
+        text += f"{READINGS[rate_is]}); where that is otherwise, set wheel_speed_is = "
+        text += '"mean".' if rate_is == "instant" else '"instant".'
+        yield Finding("wheel-angle-integrated", text, "note")
     if conventions.axis == ("angle_speed",):
-        column, rate_is = conventions.columns["angle_speed"], conventions.axis_rate_is
-        text = (
-            f"the angle is the integral of its rate (column {column!r}, taken as {READINGS[rate_is]}), of which bias "
-        )
-        yield Finding("angle-integrated", f"{text}and start are unknown and were estimated.", "note")
-
-
-def _unstated(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
-    """A warning where neither rig file nor log states the unit of the torque."""
-    name = table.find(conventions.columns["torque"]) if conventions.drive_kind == "direct" else None
-    if name is None or "torque_gain" in conventions.stated or table.metadata:
-        return ()
-    if canonical(table.unit(name)) in FACTORS["torque"]:
-        return ()
-    text = f"neither rig file nor log states the unit of column {name!r} (torque), which sets the scale; set "
-    text += 'torque_gain under [log], N m (N) per unit of the column, such as 1 or "1 ± 0.1", or "unknown".'
-    return (Finding("torque-gain-missing", text, "warning", kind=Kind.NO_SCALE),)
-
-
-def _no_reference(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
-    """A note where the rig file names a reference that the log lacks: nothing but pictures needs it."""
-    column = conventions.columns["reference"]
-    if table.find(column) is not None or "reference" not in conventions.stated or table.metadata:
-        return ()
-    return (Finding("no-reference", f"the log has no column {column!r} (the reference); nothing needs it.", "note"),)
-
-
-def _drive_held(table: Table, conventions: Conventions) -> bool:
-    """Return whether the drive was held: as a file written by swingid states, else as the rig file does."""
-    written = table.metadata.get("log")
-    held = written.get("drive_held") if isinstance(written, dict) else None
-    return held if isinstance(held, bool) else conventions.drive_held
+        text = f"the angle is the integral of its rate (column {columns['angle_speed']!r}, taken as "
+        text += f"{READINGS[conventions.axis_rate_is]}), of which bias and start are unknown and were estimated."
+        yield Finding("angle-integrated", text, "note")
+    torque = table.find(columns["torque"]) if conventions.drive_kind == "direct" else None
+    if torque is None or "torque_gain" in conventions.stated or table.metadata:
+        return
+    if canonical(table.unit(torque)) not in FACTORS["torque"]:
+        text = f"neither rig file nor log states the unit of column {torque!r} (torque), which sets the scale; set "
+        text += 'torque_gain under [log], N m (N) per unit of the column, such as 1 or "1 ± 0.1", or "unknown".'
+        yield Finding("torque-gain-missing", text, "warning", kind=Kind.NO_SCALE)
 
 
 def _saved_findings(table: Table) -> tuple[Finding, ...]:
@@ -234,12 +210,6 @@ def _saved_findings(table: Table) -> tuple[Finding, ...]:
             of_pivot = (_size(pivot[0]), _size(pivot[1])) if isinstance(pivot, list) and len(pivot) == 2 else None
             findings.append(Finding(code, message, entry["level"], named, None, spans, of_time, of_zero, of_pivot))
     return tuple(findings)
-
-
-def _saved_off(table: Table) -> frozenset[str]:
-    """Repairs that were switched off for the log before swingid wrote this file."""
-    saved = _saved_findings(table)
-    return frozenset(finding.repair for finding in saved if finding.code == OFF and finding.repair)
 
 
 def _size(saved: object) -> float:
@@ -297,7 +267,7 @@ def check_motion(channels: Channels, reading: Reading, *, still_axis: bool = Fal
             part = "" if last - first == time.size - 1 else f" from {time[first]:.4g} to {time[last]:.4g} s"
             message = f"column {rig.log.wheel_angle!r} (wheel angle) does not change{part} while the axis swings"
             text = f"{message}; is the wheel's encoder connected?"
-            reading.findings.append(Finding("wheel-still", text, "warning", kind=Kind.WHEEL_STILL))
+            reading.found("wheel-still", text, "warning", kind=Kind.WHEEL_STILL)
     steps = np.diff(time)
     step = float(steps.max())
     step = step if step <= SLOWEST_STEP else float(np.median(steps))

@@ -138,11 +138,6 @@ class _Best:
     apart: Array
     places: Ints
 
-    @classmethod
-    def none(cls, count: int, places: Ints) -> _Best:
-        """Nothing is known."""
-        return cls(np.zeros(count), np.full(count, NOWHERE), np.zeros(count), np.zeros(count), places)
-
 
 @dataclass(frozen=True)
 class _Log:
@@ -165,8 +160,8 @@ class _Log:
         if places[-1] >= grid.shape[1]:
             everywhere = np.arange(places[-1] + 1)
             grid = np.array([np.interp(everywhere, places, channel) for channel in grid])
-        best = _Best.none(grid.shape[1] - 1, places)
-        each = []
+        count, each = grid.shape[1] - 1, []
+        best = _Best(np.zeros(count), np.full(count, NOWHERE), np.zeros(count), np.zeros(count), places)
         for width, degree in self.widths:
             excess = _of_windows(grid, self.quanta, width, degree, sure) if width else _of_steps(grid, self.quanta)
             each.append((width, excess, *excess.joint(sure)))
@@ -356,7 +351,9 @@ def _in_steps(rest: Array, speed: Array, slow: Bools, floor: float) -> tuple[Arr
     off, fast = np.abs(rest), np.abs(speed)
     some = slice(None, None, max(1, len(off) // (BINS * ALIKE)))
     order = np.argsort(fast[some])
-    alike = np.interp(fast, *_medians(fast[some][order], off[some][order], len(order) // BINS))
+    length = len(order) // BINS
+    binned = [part[some][order][: len(order) // length * length].reshape(-1, length) for part in (fast, off)]
+    alike = np.interp(fast, binned[0].mean(axis=1), np.median(binned[1], axis=1))
     stretches = len(off) // BLOCK
     near = np.repeat(np.median(off[: stretches * BLOCK].reshape(stretches, BLOCK), axis=1), BLOCK)
     near = np.concatenate((near, np.full(len(off) - len(near), near[-1])))
@@ -364,10 +361,3 @@ def _in_steps(rest: Array, speed: Array, slow: Bools, floor: float) -> tuple[Arr
     known = ~slow & (fast * NOWHERE > spread)
     divisor = np.where(known, speed, 1.0)
     return np.where(known, rest, 0.0) / divisor, np.where(known, spread / np.abs(divisor), NOWHERE)
-
-
-def _medians(places: Array, values: Array, length: int) -> tuple[Array, Array]:
-    """Medians over stretches of this length, the rest at the end left out."""
-    stretches = len(values) // length
-    cut = [part[: stretches * length].reshape(stretches, length) for part in (places, values)]
-    return cut[0].mean(axis=1), np.median(cut[1], axis=1)

@@ -219,11 +219,6 @@ def _seen(table: Table, point: tuple[str, str], x: Array, y: Array) -> tuple[Arr
     return x, y, int(np.count_nonzero(lost))
 
 
-def _exact(down: tuple[float, float]) -> tuple[float, float]:
-    """The spread of a pivot that is stated or marked."""
-    return 0.0, 0.0
-
-
 def _pivot(
     table: Table, log: LogConventions, x: Array, y: Array, name: str
 ) -> tuple[Sequence[Array | float], Spread, str]:
@@ -235,9 +230,9 @@ def _pivot(
         there = [_column(table, str(column), "pivot", name) for column in log.pivot]
         if len(there[0]) != len(x) or len(there[1]) != len(x):
             raise InputError(f"{name}: the columns of [log] pivot and point differ in length.", code="unequal-length")
-        return there, _exact, f"the mark ({log.pivot[0]!r}, {log.pivot[1]!r})"
+        return there, lambda down: (0.0, 0.0), f"the mark ({log.pivot[0]!r}, {log.pivot[1]!r})"
     if log.pivot is not None:
-        return log.pivot, _exact, f"the stated pivot ({log.pivot[0]:g}, {log.pivot[1]:g})"
+        return log.pivot, lambda down: (0.0, 0.0), f"the stated pivot ({log.pivot[0]:g}, {log.pivot[1]:g})"
     circle = circle_through(x, y)
     if circle is None or not circle.is_arc:
         far = "no circle fits it" if circle is None else f"it scatters {circle.scatter:.3g} about a circle"

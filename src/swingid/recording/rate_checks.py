@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.recording.findings import Finding, Kind
+from swingid.recording.findings import Kind
 from swingid.recording.rates import integral, without_line
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def check_beside(channels: Channels, reading: Reading) -> None:
         text += f"other, and {share:.0%} of it is something else; check [log] angle_speed_unit, angle_speed and their"
         raise InputError(f"{text} signs, or leave one of the two out.", code="rate-conflict")
     text = f"the integral of {pair.replace(' and', ' is')}, times {ratio:.4f}, within {share:.2%}."
-    reading.findings.append(Finding("rate-beside-angle", text, "note", kind=Kind.ANGLE_BESIDE))
+    reading.found("rate-beside-angle", text, "note", kind=Kind.ANGLE_BESIDE)
 
 
 FLAT, KINK, PEAKS = 3, 3.0, 2

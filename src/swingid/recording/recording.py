@@ -177,7 +177,8 @@ class Recording:
         """
         from swingid.recording.load import read_log  # which needs numba, as a Recording itself does not
 
-        return cls(**read_log(path, rig, still_axis=still_axis, repairs=repairs))
+        table, source = read_log(path, rig, repairs)
+        return cls.from_table(table, rig, source, still_axis=still_axis, repairs=repairs)
 
     @classmethod
     def from_columns(

@@ -14,42 +14,39 @@ import numpy as np
 from swingid.recording.continuity import find_jumps, find_spikes, is_wrapped, unwrap
 from swingid.recording.findings import JUMPS
 from swingid.recording.lost_rows import find_lost
+from swingid.recording.rate_checks import unsaturated
 from swingid.recording.rows import even_clock, even_places, few, rows_in_order, take
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from swingid.numerics.arrays import Array, Bools
     from swingid.recording.conventions import Channels, Reading
 
 
 ANGLES = ("angle", "wheel_angle")
 SMOOTH = (*ANGLES, "angle_speed", "wheel_speed")  # channels in which a single odd sample is a fault
 PASSES = 3  # a spike beside another shows when the first one is gone
-PLACE = "place"  # of a row on an even clock, as a channel, so that rows are left out of it, too
+PLACE, SPIKE = "place", "spike"
+"""Of a row, as channels, so that rows are left out of them, too: its place on an even clock; 1 where it is a spike."""
 
 
-def repair(logged: Channels, texts: Mapping[str, str], reading: Reading) -> Channels:
+def repaired(channels: Channels, reading: Reading) -> Channels:
     """The channels (logged units, with "time") without faulty rows, angles continuous; `reading` gets the findings.
 
-    `texts` holds, by channel, the first text that stood in the place of a number. Raises InputError where a log is not
-    one run of rows in time with a few slips, but something else, and where it cannot be used without a repair that is
-    off.
+    Raises InputError where a log is not one run of rows in time with a few slips, but something else, and where it
+    cannot be used without a repair that is off.
     """
-    channels = rows_in_order(logged, texts, reading)
+    for fault in FAULTS:
+        channels = fault(channels, reading)
+    return channels
+
+
+def with_places(channels: Channels, reading: Reading) -> Channels:
+    """The place of each row on an even clock as a channel, where that is what the stamps show."""
     places = even_places(channels["time"], reading.conventions.rate)
-    channels, spikes = made_continuous(on_even_clock(channels, reading), reading)
-    channels = without_spikes({**channels, **({} if places is None else {PLACE: places})}, spikes, reading)
-    report_gaps(channels["time"], reading)
-    channels = with_lost_rows(channels, reading)
-    warn_of_jumps(channels, reading)
-    return limited(channels, reading)
+    return channels if places is None else {**channels, PLACE: places}
 
 
 def on_even_clock(channels: Channels, reading: Reading) -> Channels:
-    """The second part of `repair`: stamps that scatter about a constant rate as that rate, where the motion is smoother
-    so.
-    """
+    """Stamps that scatter about a constant rate as that rate, where the motion is smoother so."""
     if reading.conventions.rate is not None or "clock" in reading.off:
         return channels
     smooth = [channels[name] for name in (*ANGLES, "angle_speed") if name in channels]
@@ -62,9 +59,8 @@ def on_even_clock(channels: Channels, reading: Reading) -> Channels:
     return {**channels, "time": clock.time}
 
 
-def made_continuous(channels: Channels, reading: Reading) -> tuple[Channels, Bools]:
-    """The third part of `repair`: angles that go on over turns; the rows (n,) that were spikes on the way."""
-    spikes = np.zeros(len(channels["time"]), dtype=bool)
+def made_continuous(channels: Channels, reading: Reading) -> Channels:
+    """Angles that go on over turns; rows that were spikes on the way are marked as such."""
     for channel in ANGLES:
         turn = reading.conventions.scale(channel).turn
         if channel not in channels or turn is None or not is_wrapped(channels[channel], turn):
@@ -74,8 +70,7 @@ def made_continuous(channels: Channels, reading: Reading) -> tuple[Channels, Boo
             reading.found("wrapped", f"{column} seems to be logged within one turn, and was left so.", "warning")
             continue
         result = unwrap(channels["time"], channels[channel], turn)
-        channels = {**channels, channel: result.values}
-        spikes |= result.spikes
+        channels = {**channels, channel: result.values, SPIKE: np.maximum(result.spikes, channels.get(SPIKE, 0.0))}
         if channel == "angle" and "reference" in channels:
             apart = channels["reference"] - result.values
             channels["reference"] = result.values + apart - turn * np.round(apart / turn)
@@ -85,25 +80,24 @@ def made_continuous(channels: Channels, reading: Reading) -> tuple[Channels, Boo
             message = f"{column} moves too far between rows to count its turns without ambiguity"
             message += f" (at {result.ambiguous} rows); log it faster, or continuous over turns."
             reading.found("ambiguous-turns", message, "warning")
-    return channels, spikes
+    return channels
 
 
-def without_spikes(channels: Channels, spikes: Bools, reading: Reading, rows: int = 1) -> Channels:
-    """The fourth part of `repair`: single samples that fit neither neighbour are left out.
-
-    spikes: those that are known already. rows: of the log that each row is the mean of.
-    """
+def without_spikes(channels: Channels, reading: Reading, passes: int = PASSES) -> Channels:
+    """Single samples that fit neither neighbour are left out: marked ones, and what `passes` searches find."""
+    channels = dict(channels)
+    spikes = np.asarray(channels.pop(SPIKE, np.zeros(len(channels["time"]))), dtype=bool)
     times, everything, count = [], channels, len(spikes)
-    for again in range(PASSES + 1):
+    for again in range(passes + 1):
         if spikes.any():
             times.append(channels["time"][spikes])
             channels = take(channels, ~spikes)
         elif again:
             break
         spikes = np.zeros(len(channels["time"]), dtype=bool)
-        for channel in SMOOTH:
+        for channel in SMOOTH if again < passes else ():
             if channel in channels:
-                spikes |= find_spikes(channels["time"], channels[channel], rows)
+                spikes |= find_spikes(channels["time"], channels[channel], reading.averaged)
     if times:
         instants = np.sort(np.concatenate(times))
         shown = ", ".join(f"{time:g}" for time in instants[:5]) + (", ..." if instants.size > 5 else "")
@@ -120,10 +114,7 @@ def without_spikes(channels: Channels, spikes: Bools, reading: Reading, rows: in
 
 
 def with_lost_rows(channels: Channels, reading: Reading) -> Channels:
-    """The fifth part of `repair`: stamps made of the row number, later by the rows that the motion shows to be missing.
-
-    channels: with the place of each row on an even clock, where that is what the stamps show; it is taken out.
-    """
+    """Stamps made of the row number, later by the rows that the motion shows to be missing; `PLACE` is taken out."""
     channels = dict(channels)
     places, time = channels.pop(PLACE, None), channels["time"]
     if places is None or time.size < 2 or "angle" not in channels:
@@ -146,10 +137,10 @@ def with_lost_rows(channels: Channels, reading: Reading) -> Channels:
     return {**channels, "time": time + step * np.cumsum(lost.before + lost.hidden)}
 
 
-def warn_of_jumps(channels: Channels, reading: Reading, rows: int = 1) -> None:
-    """A warning of jumps that are no lost rows; rows: of the log that each value is the mean of."""
+def warned_of_jumps(channels: Channels, reading: Reading) -> Channels:
+    """The channels, with a warning of jumps that are no lost rows."""
     for channel in ANGLES:
-        jumps = find_jumps(channels["time"], channels[channel], rows) if channel in channels else []
+        jumps = find_jumps(channels["time"], channels[channel], reading.averaged) if channel in channels else []
         if not jumps:
             continue
         shown = ", ".join(f"{size:.3g} at {channels['time'][row]:g} s" for row, size in jumps[:3])
@@ -157,19 +148,21 @@ def warn_of_jumps(channels: Channels, reading: Reading, rows: int = 1) -> None:
         message += "; if the encoder slipped or lost counts there, use a log of one side of it."
         at = [channels["time"][row] for row, _ in jumps]
         reading.found("jumps", message, "warning", at=at, source=JUMPS)
+    return channels
 
 
-def report_gaps(time: Array, reading: Reading) -> None:
-    """A note of steps that are longer than others."""
-    steps = np.diff(time)
+def noted_gaps(channels: Channels, reading: Reading) -> Channels:
+    """The channels, with a note of steps that are longer than others."""
+    steps = np.diff(channels["time"])
     if steps.size == 0 or steps.max() <= 1.5 * steps.min():
-        return
+        return channels
     usual = float(np.median(steps))
     gaps = int(np.count_nonzero(steps > 1.5 * usual))
     if gaps:
         message = f"{gaps} of {steps.size} steps of {reading.column('time')} are longer than 1.5 times the usual"
         message += f" {usual:.6g} s (the longest {steps.max():.6g} s); the stamps were used as they are."
         reading.found("gaps", message, "note")
+    return channels
 
 
 LIMIT_ROUNDING = 1e-3
@@ -199,3 +192,21 @@ def limited(channels: Channels, reading: Reading) -> Channels:
     message += " (drive_held = false states that it was measured)."
     reading.found("voltage-limited", message, "note", "limit")
     return {**channels, "voltage": np.clip(voltage, -limit, limit)}
+
+
+FAULTS = (
+    rows_in_order,
+    with_places,
+    on_even_clock,
+    made_continuous,
+    without_spikes,
+    noted_gaps,
+    with_lost_rows,
+    warned_of_jumps,
+    limited,
+    unsaturated,
+)
+"""Faults of a log, in the order in which they are looked for: what repairs each, or says that it is there."""
+
+FAULTS_OF_MEANS = (on_even_clock, without_spikes, noted_gaps, warned_of_jumps)
+"""Of a part of a large log, whose rows are means of some that are in order, continuous and within the limit."""

@@ -1,4 +1,4 @@
-"""The first part of `repair.repair`: rows with numbers, one for each time, in order of time, on the clock behind them.
+"""First in `repair.repaired`: rows with numbers, one for each time, in order of time, on the clock behind them.
 
 Rows taken evenly by a timer and stamped late by a busy computer look like rows taken at odd instants and stamped
 rightly. The motion decides between them: it is smooth in the right time only (`even_clock`).
@@ -16,7 +16,7 @@ from swingid.numerics.arrays import median, quantile
 from swingid.recording.continuity import misfits
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -167,17 +167,18 @@ def few(count: int, rows: int) -> bool:
     return count <= max(3, MANY * rows)
 
 
-def rows_in_order(logged: Channels, texts: Mapping[str, str], reading: Reading) -> Channels:
-    """Rows with numbers, one for each time, in order of time; arguments and errors as those of `repair.repair`."""
-    known = len(reading.findings)
-    channels = _drop_rows_without_numbers(_drop_absurd_rows(logged, reading), texts, reading)
-    _refuse("blanks", reading, known)
-    channels = _sort(channels, reading)
-    _refuse("sort", reading, known)
-    if reading.conventions.rate is None and "clock" not in reading.off:
-        channels = _round_off(channels, reading)
-    channels = _drop_repeated(channels, reading)
-    _refuse("repeats", reading, known)
+def rows_in_order(channels: Channels, reading: Reading) -> Channels:
+    """Rows with numbers, one for each time, in order of time; see `repair.repaired`.
+
+    Raises InputError where a repair that is switched off would have to be made.
+    """
+    for fault, repair in FAULTS:
+        known = len(reading.findings)
+        channels = fault(channels, reading)
+        made = [finding for finding in reading.findings[known:] if finding.repair == repair]
+        if repair in reading.off and made:
+            message = f"{reading.name} cannot be used without the repair {repair!r}, which is switched off, for with it"
+            raise InputError(f"{message} {made[0].message.removeprefix(reading.name + ': ')}", code=made[0].code)
     return channels
 
 
@@ -204,7 +205,8 @@ def _drop_absurd_rows(channels: Channels, reading: Reading) -> Channels:
     return take(channels, good)
 
 
-def _drop_rows_without_numbers(channels: Channels, texts: Mapping[str, str], reading: Reading) -> Channels:
+def _drop_rows_without_numbers(channels: Channels, reading: Reading) -> Channels:
+    """The rows with a number in every channel; where most have none, another column is meant."""
     needed = [channel for channel in channels if channel not in OPTIONAL]
     good = np.isfinite(channels[needed[0]])
     for channel in needed[1:]:
@@ -215,7 +217,7 @@ def _drop_rows_without_numbers(channels: Channels, texts: Mapping[str, str], rea
     faults = {channel: rows - int(np.isfinite(channels[channel]).sum()) for channel in needed}
     worst = max(faults, key=lambda channel: faults[channel])
     first = reading.before + int(np.argmin(np.isfinite(channels[worst]))) + 1
-    sample = f", such as {texts[worst]!r}" if worst in texts else ""
+    sample = f", such as {reading.texts[worst]!r}" if worst in reading.texts else ""
     where = f"{reading.column(worst)} in {faults[worst]} of {rows} rows (the first is row {first}{sample})"
     if faults[worst] > rows / 2:
         message = f"{reading.name} has no number in {where}; give [log] {worst} a column of numbers."
@@ -295,19 +297,12 @@ def _drop_repeated(channels: Channels, reading: Reading) -> Channels:
     return take(channels, ~repeated)
 
 
-def _refuse(repair: str, reading: Reading, known: int) -> None:
-    """Raise InputError where a repair that is switched off was made, by the findings after those `known` before."""
-    made = [finding for finding in reading.findings[known:] if finding.repair == repair]
-    if repair in reading.off and made:
-        message = f"{reading.name} cannot be used without the repair {repair!r}, which is switched off, for with it"
-        raise InputError(f"{message} {made[0].message.removeprefix(reading.name + ': ')}", code=made[0].code)
-
-
 def _round_off(channels: Channels, reading: Reading) -> Channels:
     """Stamps of too few digits, of which several rows share one, as the constant rate behind them."""
     time = channels["time"]
     repeated = int(np.count_nonzero(np.diff(time) == 0))
-    clock = rounded_clock(time) if not few(repeated, len(time)) else None
+    is_stamped = reading.conventions.rate is None and "clock" not in reading.off
+    clock = rounded_clock(time) if is_stamped and not few(repeated, len(time)) else None
     if clock is None:
         return channels
     where = f"the stamp of the row before in {reading.column('time')}"
@@ -315,6 +310,16 @@ def _round_off(channels: Channels, reading: Reading) -> Channels:
     message += f" few digits; the rows were taken as {1 / clock.step:.6g} a second, as which no row is missing."
     reading.found("clock-fitted", message, "note", "clock")
     return {**channels, "time": clock.time}
+
+
+FAULTS = (
+    (_drop_absurd_rows, "blanks"),
+    (_drop_rows_without_numbers, "blanks"),
+    (_sort, "sort"),
+    (_round_off, "clock"),
+    (_drop_repeated, "repeats"),
+)
+"""Faults of rows, in the order in which they are looked for: what takes them away, and the repair that it is."""
 
 
 def take(channels: Channels, rows: Bools | NDArray[np.intp]) -> Channels:

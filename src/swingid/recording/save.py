@@ -44,7 +44,10 @@ def write_log(
     if "wheel_speed" in kept and "wheel_speed" not in written and "wheel_angle" in channels:
         written["wheel_speed"] = conventions.speed_of(channels["time"], channels["wheel_angle"], channels["angle"])
     if conventions.rate is not None:
-        _check_even(written.pop("time"), conventions.rate, target)
+        rate, time = conventions.rate, written.pop("time")
+        if np.abs(time - time[0] - np.arange(len(time)) / rate).max() > 1e-3 / rate:
+            message = f"cannot write {target}: the rig's [log] has rate = {rate:g} and no time column, but the rows"
+            raise InputError(f"{message} are not spaced so; set [log] time instead.", code="uneven-rows")
     more = {
         "metadata": _plain(metadata),
         "log": {**conventions.keys, "drive_held": held},
@@ -55,13 +58,6 @@ def write_log(
     content: bytes = module.write(conventions.to_log(written), more)
     write_whole(target, content)
     return target
-
-
-def _check_even(time: Array, rate: float, target: Path) -> None:
-    """A rig without a time column can only hold evenly spaced rows."""
-    if np.abs(time - time[0] - np.arange(len(time)) / rate).max() > 1e-3 / rate:
-        message = f"cannot write {target}: the rig's [log] has rate = {rate:g} and no time column, but the rows"
-        raise InputError(f"{message} are not spaced so; set [log] time instead.", code="uneven-rows")
 
 
 def _plain(value: object) -> object:

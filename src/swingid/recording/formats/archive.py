@@ -22,9 +22,6 @@ MAGIC = b""
 MOST_FILES = 200
 """More are no export of a phone."""
 
-WORKBOOK = "[Content_Types].xml"
-"""A file of every .xlsx workbook, which is a zip archive, too."""
-
 
 def read(content: bytes, name: str) -> Table:
     """The tables of an archive, see `sheets.joined`; folders such as phyphox's ``meta`` are left out.

@@ -66,9 +66,7 @@ def _array(column: Any, decimal: str, *, shared: bool) -> tuple[Array | NDArray[
     if pa.types.is_temporal(kind):
         return _seconds(column), True
     if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
-        # a cast imports pyarrow.compute, which takes long
-        plain = column if kind == pa.float64() else column.cast(pa.float64(), safe=False)
-        return _numbers(plain, shared=shared), False
+        return numbers_of(column, shared=shared), False
     cells = [None if cell is None else str(cell) for cell in column.to_pylist()]
     seconds = seconds_of(cells)
     if seconds is not None:
@@ -86,15 +84,19 @@ def _seconds(column: Any) -> Array:
         kind = column.type
     whole = column.cast(pa.int32() if pa.types.is_time32(kind) else pa.int64())
     per_second = {"s": 1, "ms": 1e3, "us": 1e6, "ns": 1e9}[kind.unit]
-    seconds: Array = _numbers(whole.cast(pa.float64(), safe=False)) / per_second
+    seconds: Array = numbers_of(whole) / per_second
     return over_midnight(seconds) if pa.types.is_time(kind) else seconds
 
 
-def _numbers(column: Any, *, shared: bool = False) -> Array:
-    """A column of doubles, NaN where a cell is empty; not by `to_numpy`, which imports pandas where it is installed.
+def numbers_of(column: Any, *, shared: bool = False) -> Array:
+    """A column of numbers as doubles, NaN where a cell is empty.
 
-    shared: of one chunk the memory of Arrow itself.
+    Not by `to_numpy`, which imports pandas where it is installed. shared: of one chunk the memory of Arrow itself.
     """
+    import pyarrow as pa
+
+    if column.type != pa.float64():  # a cast imports pyarrow.compute, which takes long
+        column = column.cast(pa.float64(), safe=False)
     whole = column.fill_null(np.nan) if column.null_count else column
     parts = [np.from_dlpack(chunk) for chunk in whole.chunks]
     if shared and len(parts) == 1:

@@ -21,7 +21,7 @@ import numpy as np
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import parse_metadata, table_from_arrow
 from swingid.recording.formats.dialect import Layout, find_layout, is_number, split_cells
-from swingid.recording.formats.table import METADATA_KEY, Table
+from swingid.recording.formats.table import METADATA_KEY, PartFile, Table, header_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -80,47 +80,48 @@ def layout_of(body: bytes, name: str) -> Layout:
 
 def column_names(layout: Layout) -> list[str]:
     """Names of the columns: those of the header, or column1, column2 and so on."""
-    return list(layout.names) or [f"column{k}" for k in range(1, layout.width + 1)]
+    return [name.strip() for name in layout.names] or [f"column{k}" for k in range(1, layout.width + 1)]
 
 
-def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") -> Table:
-    """The table in lines of this layout, without a header; InputError where they are none."""
+def read_rows(
+    rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}", columns: list[str] | None = None
+) -> Table:
+    """The table in lines of this layout, without a header, all columns or some; InputError where they are none.
+
+    By one thread: those of Arrow hold the Python source a little longer than the call, and a process that ends
+    meanwhile, as after a refusal, is aborted (1 in 20 on a busy computer).
+    """
     import pyarrow as pa
     import pyarrow.csv as pc
 
     if not rows.strip():
         raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
-    rows = _parted(rows, layout)
-    split, ragged = _splitting(layout)
+    rows, names = _parted(rows, layout), column_names(layout)
+    some = columns if len(set(names)) == len(names) else None  # else two columns have one name, which is refused below
+    lost: list[int | None] = []
+
+    def leave_out(row: Any) -> Literal["skip"]:
+        lost.append(row.number)
+        return "skip"
+
     try:
         table = pc.read_csv(
-            io.BytesIO(rows),
+            pa.BufferReader(rows),
             read_options=pc.ReadOptions(
-                column_names=column_names(layout),
+                column_names=names,
                 block_size=min(max(len(rows) + 1, 1 << 16), 1 << 30),  # types from all rows
-                use_threads=False,  # see `BLOCK`
+                use_threads=False,
             ),
-            parse_options=split,
-            convert_options=pc.ConvertOptions(decimal_point=layout.decimal, strings_can_be_null=True),
+            parse_options=pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out),
+            convert_options=pc.ConvertOptions(
+                decimal_point=layout.decimal, strings_can_be_null=True, include_columns=some
+            ),
         )
     except pa.ArrowException:
         message = f"{name} is not a table: its lines do not split into the columns that its header names."
         raise InputError(message, code="not-a-table") from None
-    _require_closed_quotes(rows, table.num_rows + len(ragged), name)
-    return table_from_arrow(table, name, raw_metadata, len(ragged), layout.units, layout.decimal)
-
-
-def _splitting(layout: Layout) -> tuple[Any, list[int | None]]:
-    """How lines are split into cells, and the list to which it adds each line of another length, which is left out."""
-    import pyarrow.csv as pc
-
-    ragged: list[int | None] = []
-
-    def leave_out(row: Any) -> Literal["skip"]:
-        ragged.append(row.number)
-        return "skip"
-
-    return pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out), ragged
+    _require_closed_quotes(rows, table.num_rows + len(lost), name)
+    return table_from_arrow(table, name, raw_metadata, len(lost), () if some else layout.units, layout.decimal)
 
 
 MOST_IN_A_CELL = 10
@@ -142,45 +143,6 @@ def _parted(rows: bytes, layout: Layout) -> bytes:
     if layout.delimiter != b" ":
         return rows
     return re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", rows))
-
-
-BLOCK = 1 << 20
-"""Bytes that are parsed at once where the columns are known to hold numbers.
-
-By one thread: those of Arrow hold the Python source a little longer than the call, and a process that ends meanwhile,
-as after a refusal, is aborted (1 in 20 on a busy computer).
-"""
-
-
-def read_numbers(rows: bytes, layout: Layout, name: str, columns: list[str]) -> Table | None:
-    """Some columns (names without blanks around them) of lines as `read_rows`, in blocks: faster, in less memory.
-
-    None where a cell of them is no plain number, which takes `read_rows`.
-    """
-    import pyarrow as pa
-    import pyarrow.csv as pc
-
-    names = [column.strip() for column in column_names(layout)]
-    if len(set(names)) < len(names):
-        return None
-    split, ragged = _splitting(layout)
-    try:
-        table = pc.read_csv(
-            pa.BufferReader(_parted(rows, layout)),
-            read_options=pc.ReadOptions(column_names=names, block_size=BLOCK, use_threads=False),
-            parse_options=split,
-            convert_options=pc.ConvertOptions(
-                decimal_point=layout.decimal,
-                column_types=dict.fromkeys(columns, pa.float64()),
-                include_columns=columns,
-            ),
-        )
-    except pa.ArrowException:
-        return None
-    if table.num_rows == 0:
-        return None
-    _require_closed_quotes(rows, table.num_rows + len(ragged), name)
-    return table_from_arrow(table, name, "{}", len(ragged), decimal=layout.decimal)
 
 
 def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
@@ -267,13 +229,13 @@ def split_comments(content: bytes) -> tuple[str, bytes]:
     """The metadata of swingid from the comment lines on top, and what follows them."""
     metadata, mark = "{}", f"# {METADATA_KEY}:".encode()
     while (content := content.lstrip(b"\r\n")).startswith(_COMMENTS):
-        line, rest = _first_line(content)
+        line, _, rest = content.partition(b"\n")
         if line.startswith(mark):
             metadata = line[len(mark) :].decode("utf-8", "replace")
         elif line.startswith((b"#", b"%")) and _WORD.search(line):
             rows = rest
-            while rows.startswith(_COMMENTS) and not _WORD.search(_first_line(rows)[0]):  # such as a rule of dashes
-                rows = _first_line(rows)[1]
+            while rows.startswith(_COMMENTS) and not _WORD.search(rows.partition(b"\n")[0]):  # such as a rule of dashes
+                rows = rows.partition(b"\n")[2]
             header = None if rows.startswith(_COMMENTS) else _header_in(line[1:], rows)
             if header is not None:
                 return metadata, header + rows
@@ -284,24 +246,15 @@ def split_comments(content: bytes) -> tuple[str, bytes]:
 _WORD = re.compile(rb"[^\W_]")
 
 
-def _first_line(content: bytes) -> tuple[bytes, bytes]:
-    """The first line, and what follows it."""
-    line, _, rest = content.partition(b"\n")
-    return line, rest
-
-
 HEAD = 1 << 20
 """Bytes from which the layout is found."""
 
 
 @dataclass(frozen=True)
-class File:
-    """A text file: its path, about how many rows it has, its layout, and lines before the first row."""
+class File(PartFile):
+    """A text file: its layout, and lines before the first row."""
 
-    path: str
-    rows: int
     layout: Layout
-    metadata: str
     lines_above: int
     bytes_per_row: float
 
@@ -325,17 +278,10 @@ class File:
             return None
         per_row = len(rows) / max(rows.count(b"\n"), 1)
         above = text.count(b"\n") - rows.count(b"\n")
-        return cls(path, int(size / per_row), layout, metadata, above, per_row)
-
-    def header(self) -> Table:
-        """The columns, each with a row of zeros in the place of its own."""
-        names = [name.strip() for name in column_names(self.layout)]
-        units = {name: unit for name, unit in zip(names, self.layout.units, strict=False) if unit}
-        return Table({name: np.zeros(1) for name in names}, parse_metadata(self.metadata), 0, units)
-
-    def together(self) -> list[str]:
-        """The columns that have a value in every row."""
-        return list(self.header().columns)
+        names = column_names(layout)
+        units = {name: unit for name, unit in zip(names, layout.units, strict=False) if unit}
+        header = header_of(names, parse_metadata(metadata), units)
+        return cls(path, int(size / per_row), header, layout, above, per_row)
 
     def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
         """The table in pieces of about `rows` rows; InputError where the file cannot be read or is no table."""
@@ -343,24 +289,17 @@ class File:
             with Path(self.path).open("rb") as stream:
                 for _ in range(self.lines_above):
                     stream.readline()
-                rest, quick = b"", True
+                rest = b""
                 while block := stream.read(int(rows * self.bytes_per_row) + 1):
                     block = rest + block
                     end = block.rfind(b"\n") + 1
-                    rest = block[end:]
-                    lines = block[:end]
+                    lines, rest = block[:end], block[end:]
                     if lines and not lines.isspace():
-                        table = read_numbers(_utf8(lines), self.layout, self.path, columns) if quick else None
-                        quick = table is not None
-                        yield table or self._table(lines, columns)
+                        yield read_rows(_utf8(lines), self.layout, self.path, columns=columns)
                 if rest.strip():
-                    yield self._table(rest, columns)
+                    yield read_rows(_utf8(rest), self.layout, self.path, columns=columns)
         except OSError as error:
             raise InputError(f"{self.path} cannot be read: {error.strerror}.", code="unreadable-file") from None
-
-    def _table(self, lines: bytes, columns: list[str]) -> Table:
-        table = read_rows(_utf8(lines), self.layout, self.path)
-        return Table({name: table.columns[name] for name in columns}, {}, table.unreadable_rows, table.units)
 
 
 def _utf8(lines: bytes) -> bytes:

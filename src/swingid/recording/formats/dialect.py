@@ -85,15 +85,10 @@ def _rows_of_names(cells: Sequence[Sequence[str]], first: int, width: int, decim
     begin = first
     if last == first and several and first and len(cells[first - 1]) in (width, width - 1, width + 1):
         begin = first - 1
-    rows = [_as_wide(row, width) for row in cells[begin:last]]
+    rows = [[*row, *[""] * (width - len(row))][:width] for row in cells[begin:last]]  # filled up at their ends
     if not several or not 0 < len(rows) < MOST_ROWS_OF_NAMES or last >= len(cells) or len(cells[last]) != width:
         return first, []
     return last, rows
-
-
-def _as_wide(row: Sequence[str], width: int) -> list[str]:
-    """The row with as many cells as the rows of numbers have, empty ones at its end."""
-    return [*row, *[""] * (width - len(row))][:width]
 
 
 def _names(above: Sequence[Sequence[str]], lowest: Sequence[str]) -> tuple[str, ...]:
@@ -107,10 +102,8 @@ def _names(above: Sequence[Sequence[str]], lowest: Sequence[str]) -> tuple[str, 
             filled.append("" if k == 0 and held.lower() in STACK else held)
         if len({cell for cell in filled if cell}) > 1:
             parts.append(filled)
-    if not parts and above:
-        parts = [["" for _ in lowest]]
     lowest = ["frame" if cell.strip().lower() in STACK else cell.strip() for cell in lowest]
-    columns = zip(*parts, lowest, strict=True) if parts else ((cell,) for cell in lowest)
+    columns = zip(*parts, lowest, strict=True)
     joined = (" ".join(dict.fromkeys(part for part in column if part)) for column in columns)
     return tuple(name or f"column{k}" for k, name in enumerate(joined, start=1))
 

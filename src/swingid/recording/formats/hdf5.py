@@ -1,4 +1,7 @@
-"""HDF5, and with it MATLAB v7.3: every vector of numbers in the file, by its path; by the package h5py."""
+"""HDF5, and with it MATLAB v7.3: every vector of numbers in the file, by its path; by the package h5py.
+
+A file is read whole or some rows at a time, in the process of `isolated`.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +9,16 @@ import importlib
 import io
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import parse_metadata
-from swingid.recording.formats.isolated import UnreadableError, is_installed, read_apart, require
-from swingid.recording.formats.table import METADATA_KEY, Table, add_vectors, most_unpacked
+from swingid.recording.formats.isolated import UnreadableError, is_installed, read_apart, read_part_apart, require
+from swingid.recording.formats.table import METADATA_KEY, WIDEST, PartFile, Table, header_of, most_unpacked, resized
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
@@ -23,6 +29,8 @@ MAGIC = b"\x89HDF\r\n\x1a\n"
 
 MOST_REFERENCES = 1000
 """Cells or structs with more elements than this are no signals of one log: a recorder has some hundred at most."""
+
+DAMAGED = "is not a whole HDF5 file: damaged, or cut off while it was written; save it again."
 
 DEPTH = 16
 """Of groups and references in each other; a damaged file could refer without end."""
@@ -40,31 +48,152 @@ def read(content: bytes, name: str) -> Table:
     try:
         columns, raw = read_apart("h5py", f"{__name__}:extract", content)
     except UnreadableError:
-        message = f"{name} is not a whole HDF5 file: damaged, or cut off while it was written; save it again."
-        raise InputError(message, code="not-a-table") from None
+        raise InputError(f"{name} {DAMAGED}", code="not-a-table") from None
     if not columns:
         message = f"{name} holds no vectors of numbers, only scalars, texts or objects; save plain arrays."
         raise InputError(message, code="not-a-table")
     return Table(columns, parse_metadata(raw))
 
 
-def extract(path: str) -> tuple[Columns, str]:
-    """Columns and metadata of a file; for the process of `isolated`, for damage makes the library loop for ever."""
-    h5py: Any = importlib.import_module("h5py")
-    columns: Columns = {}
-    spare = most_unpacked(Path(path).stat().st_size)
+def extract(
+    path: str, columns: list[str] | None = None, start: int = 0, stop: int | None = None
+) -> tuple[Columns, str]:
+    """Columns of a file, all or some, and of all or some rows, and metadata; for the process of `isolated`.
 
-    with h5py.File(path, "r") as file:
-        for name, item in data_sets(file):
-            if item.dtype.kind in "biuf":
-                spare -= 8 * int(item.size or 0)
-                if spare < 0:
-                    raise ValueError("more numbers than the file can hold")
-                array = item[()]
-                # MATLAB writes its arrays with the axes swapped
-                add_vectors(columns, name, array.T if "MATLAB_class" in item.attrs else array)
-        raw = file.attrs.get(METADATA_KEY, "{}")
-    return columns, raw if isinstance(raw, str) else "{}"
+    There, for damage makes the library loop for ever.
+    """
+    values: Columns = {}
+    with _opened(path) as file:
+        for numbers in _numbers_in(file, path):
+            if columns is None or set(numbers.names) & set(columns):
+                rows = numbers.read(start, numbers.length if stop is None else stop)
+                values |= zip(numbers.names, rows, strict=True)
+        return values, _metadata(file)
+
+
+MOST = 4_000_000
+"""Rows of a compressed chunk, at most: it is unpacked as a whole."""
+
+LAYOUT = 1 << 20
+"""Bytes that the names and lengths of the columns may take."""
+
+
+@dataclass(frozen=True)
+class File(PartFile):
+    """An HDF5 file some rows at a time: the length of each column, rows of the largest chunk."""
+
+    lengths: dict[str, int]
+    chunk: int
+
+    @classmethod
+    def open(cls, path: str) -> File | None:
+        """Look at its data sets; None where it holds none, is damaged, or h5py is missing."""
+        if not is_installed("h5py"):
+            return None
+        try:
+            columns, raw = read_part_apart("h5py", f"{__name__}:layout", Path(path), LAYOUT)
+        except UnreadableError:
+            return None  # reading it whole gives the reason
+        lengths = {name: int(values[0]) for name, values in columns.items()}
+        chunk = max((int(values[1]) for values in columns.values()), default=1)
+        if not lengths or chunk > MOST:
+            return None
+        return cls(path, max(lengths.values()), header_of(lengths, parse_metadata(raw)), lengths, chunk)
+
+    def together(self) -> list[str]:
+        """The columns that have a value in every row: the longest."""
+        return [name for name, length in self.lengths.items() if length == self.rows]
+
+    def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
+        """The columns in pieces of `rows` rows; InputError where they differ in length, or the file is damaged."""
+        return resized(self._blocks(rows, columns), rows)
+
+    def _blocks(self, rows: int, columns: list[str]) -> Iterator[Table]:
+        """The columns in blocks of whole chunks, so that none is unpacked twice."""
+        lengths = {name: self.lengths[name] for name in columns}
+        first, length = next(iter(lengths.items()))
+        other = next((name for name, count in lengths.items() if count != length), None)
+        if other is not None:
+            message = f"{self.path}: {other!r} has {lengths[other]} values but {first!r} has {length}"
+            raise InputError(f"{message}; a log needs one value of each per row.", code="unequal-length")
+        step = -(-rows // self.chunk) * self.chunk
+        for start in range(0, length, step):
+            stop = min(start + step, length)
+            size = 8 * len(columns) * (stop - start)
+            options = {"columns": columns, "start": start, "stop": stop}
+            try:
+                block, _ = read_part_apart("h5py", f"{__name__}:extract", Path(self.path), size, **options)
+            except UnreadableError:
+                raise InputError(f"{self.path} {DAMAGED}", code="not-a-table") from None
+            yield Table({name: block[name] for name in columns})
+
+
+@dataclass(frozen=True)
+class _Numbers:
+    """A data set of numbers: the item of h5py, the names of its columns, the axis along which its rows are."""
+
+    item: Any
+    names: tuple[str, ...]
+    axis: int
+
+    @property
+    def length(self) -> int:
+        """Rows."""
+        return int(self.item.shape[self.axis])
+
+    def read(self, start: int, stop: int) -> Array:
+        """The rows from `start` to `stop` of each column (columns, rows)."""
+        index = [slice(None)] * self.item.ndim
+        index[self.axis] = slice(start, stop)
+        values = np.moveaxis(np.asarray(self.item[tuple(index)], np.float64), self.axis, -1)
+        numbers: Array = np.ascontiguousarray(values.reshape(len(self.names), stop - start))
+        return numbers
+
+
+def layout(path: str) -> tuple[Columns, str]:
+    """Return each column's length and the rows of a chunk, and the metadata; for the process of `isolated`."""
+    columns: Columns = {}
+    with _opened(path) as file:
+        for numbers in _numbers_in(file, path):
+            chunk = 1 if numbers.item.chunks is None else numbers.item.chunks[numbers.axis]
+            columns |= {name: np.array([numbers.length, chunk], np.float64) for name in numbers.names}
+        return columns, _metadata(file)
+
+
+def _metadata(file: Any) -> str:
+    raw = file.attrs.get(METADATA_KEY, "{}")
+    return raw if isinstance(raw, str) else "{}"
+
+
+def _opened(path: str) -> Any:
+    return importlib.import_module("h5py").File(path, "r")
+
+
+def _numbers_in(file: Any, path: str) -> Iterator[_Numbers]:
+    """The data sets of numbers that are columns: vectors, and matrices, of which MATLAB swaps the axes.
+
+    Raises ValueError where they have more numbers than the file can hold.
+    """
+    spare = most_unpacked(Path(path).stat().st_size)
+    for name, item in data_sets(file):
+        if item.dtype.kind not in "biuf" or (item.size or 0) < 2:
+            continue
+        long = [axis for axis, length in enumerate(item.shape) if length > 1]
+        if len(long) == 1:
+            names: tuple[str, ...] = (name,)
+            axis = long[0]
+        elif len(long) == 2 and min(item.shape[axis] for axis in long) <= WIDEST:
+            rows, columns = reversed(long) if "MATLAB_class" in item.attrs else long
+            upright = item.shape[rows] >= item.shape[columns]
+            count, axis = (item.shape[columns], rows) if upright else (item.shape[rows], columns)
+            pattern = "{}(:,{})" if upright else "{}({},:)"
+            names = tuple(pattern.format(name, k) for k in range(1, count + 1))
+        else:
+            continue
+        spare -= 8 * int(item.size)
+        if spare < 0:
+            raise ValueError("more numbers than the file can hold")
+        yield _Numbers(item, names, axis)
 
 
 def data_sets(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iterator[tuple[str, Any]]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -43,25 +43,15 @@ def read(content: bytes, name: str) -> Table:
     """
     require("mcap.reader", "mcap", name, "an MCAP file")
     topics: dict[str, list[dict[str, float]]] = {}
-    try:
-        try:
-            contents = _whole(content)
-        except Exception as error:
-            contents = _up_to_the_cut(content)
-            if not contents.cut:
-                raise error from None
+    with damaged(name):
+        contents = _contents(content)
         decode = ros2_decoder()
         for schema, channel, message in contents.messages:
             if contents.metadata.get("live") and channel.topic != LIVE:
                 continue
-            cells = cells_of(schema, channel, message, decode, name)
+            cells = cells_of(schema, channel, message.data, message.log_time, decode, name)
             if cells:
                 topics.setdefault(channel.topic.strip("/").replace("/", "."), []).append(cells)
-    except InputError:
-        raise
-    except Exception as error:  # a damaged file may fail anywhere in the other package
-        message = f"{name} is not a whole MCAP file ({type(error).__name__}): damaged or cut off; record it again."
-        raise InputError(message, code="not-a-table") from None
     if not topics:
         message = f"{name} holds no messages in JSON and none of {JOINT_STATE}; export the log as CSV or Parquet."
         raise InputError(message, code="not-a-table")
@@ -72,39 +62,36 @@ def read(content: bytes, name: str) -> Table:
     return Table(columns, contents.metadata)
 
 
+@contextmanager
+def damaged(name: str) -> Iterator[None]:
+    """What a damaged file raises, in one sentence."""
+    try:
+        yield
+    except (InputError, GeneratorExit):
+        raise
+    except Exception as error:  # a damaged file may fail anywhere in the other package
+        message = f"{name} is not a whole MCAP file ({type(error).__name__}): damaged or cut off; record it again."
+        raise InputError(message, code="not-a-table") from None
+
+
 @dataclass
 class Contents:
-    """The messages of a file with their schemas and channels, swingid's metadata.
-
-    cut: whether it is a journal whose end is missing.
-    """
+    """The messages of a file with their schemas and channels, swingid's metadata."""
 
     messages: list[tuple[Any, Any, Any]] = field(default_factory=list)
     metadata: dict[str, object] = field(default_factory=dict)
-    cut: bool = False
 
     def note(self, record: Any) -> None:
         """Keep a metadata record of swingid; of a journal also what it states of its run."""
         if record.name == METADATA_KEY:
             known = json.loads(record.metadata.get("json", "{}"))
-            self.metadata = self.metadata | (known if isinstance(known, dict) else {})
+            self.metadata |= known if isinstance(known, dict) else {}
         elif record.name == RUN:
-            self.metadata = self.metadata | {"run": dict(record.metadata)}
+            self.metadata["run"] = dict(record.metadata)
 
 
-def _whole(content: bytes) -> Contents:
-    from mcap.reader import make_reader
-
-    contents = Contents()
-    reader = make_reader(io.BytesIO(content))
-    for record in reader.iter_metadata():
-        contents.note(record)
-    contents.messages = list(reader.iter_messages())
-    return contents
-
-
-def _up_to_the_cut(content: bytes) -> Contents:
-    """What a file without its end holds, each block compared with its checksum; as `iter_messages`, by log time."""
+def _contents(content: bytes) -> Contents:
+    """What a file holds, each block compared with its checksum, messages by log time; of a journal up to a cut."""
     import struct
 
     from mcap.exceptions import EndOfFile
@@ -126,11 +113,12 @@ def _up_to_the_cut(content: bytes) -> Contents:
                 channel = channels[record.channel_id]
                 contents.messages.append((schemas[channel.schema_id], channel, record))
     except (EndOfFile, struct.error):  # the second within the last bytes
-        contents.cut = bool(contents.metadata.get("live"))
+        if not contents.metadata.get("live"):
+            raise
+        saved = contents.metadata.get("findings")
+        cut = {"code": "cut-off", "message": CUT, "level": "warning"}
+        contents.metadata["findings"] = [*(saved if isinstance(saved, list) else []), cut]
     contents.messages.sort(key=lambda entry: int(entry[2].log_time))
-    saved = contents.metadata.get("findings")
-    entry = {"code": "cut-off", "message": CUT, "level": "warning"}
-    contents.metadata = contents.metadata | {"findings": [*(saved if isinstance(saved, list) else []), entry]}
     return contents
 
 
@@ -181,11 +169,11 @@ def ros2_decoder() -> Any:
     return DecoderFactory()
 
 
-def cells_of(schema: Any, channel: Any, message: Any, decode: Any, name: str) -> dict[str, float]:
-    """The numbers of one message with its instant as "time" (unless it has a "t" or "time" of its own)."""
+def cells_of(schema: Any, channel: Any, data: bytes, log_time: int, decode: Any, name: str) -> dict[str, float]:
+    """The numbers of one message with its instant (ns) as "time" (unless it has a "t" or "time" of its own)."""
     cells: dict[str, float] = {}
     if channel.message_encoding == "json":
-        row = json.loads(message.data)
+        row = json.loads(data)
         cells = flat(row) if isinstance(row, dict) else {}
         cells = {key: float(value) for key, value in cells.items() if isinstance(value, int | float)}
     elif channel.message_encoding == "cdr" and schema is not None and schema.name == JOINT_STATE:
@@ -193,12 +181,12 @@ def cells_of(schema: Any, channel: Any, message: Any, decode: Any, name: str) ->
             require("mcap_ros2.decoder", "mcap-ros2-support", name, "an MCAP file with ROS 2 messages")
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # the package prints what it cannot parse
             decoder = decode.decoder_for(channel.message_encoding, schema)
-            state = decoder(message.data)
+            state = decoder(data)
         stamp = state.header.stamp
         cells["time"] = stamp.sec + 1e-9 * stamp.nanosec
         for kind in KINDS:
             for joint, value in zip(state.name, getattr(state, kind), strict=False):
                 cells[f"{joint}.{kind}"] = float(value)
     if cells and not {"t", "time"} & cells.keys():
-        cells["time"] = 1e-9 * message.log_time
+        cells["time"] = 1e-9 * log_time
     return cells

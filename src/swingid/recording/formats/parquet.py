@@ -5,14 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import parse_metadata, table_from_arrow
-from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
+from swingid.recording.formats.table import METADATA_KEY, PartFile, Table, header_of, most_unpacked
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,7 +33,7 @@ def read(content: bytes, name: str) -> Table:
         file = pq.ParquetFile(pa.BufferReader(content))
         if 8 * file.metadata.num_rows * file.metadata.num_columns > most_unpacked(len(content)):
             raise ValueError("more numbers than the file can hold")
-        table = file.read(use_threads=False)  # as `csv.BLOCK`
+        table = file.read(use_threads=False)  # as `csv.read_rows`
         return table_from_arrow(table, name, _metadata(table.schema))
 
 
@@ -56,29 +53,17 @@ BUFFER, GROUP = 1 << 22, 1 << 28
 group needs no more memory than others. Small groups are read whole: then a damaged size of a page allocates nothing."""
 
 
-@dataclass(frozen=True)
-class File:
-    """A Parquet file: its path, its number of rows."""
-
-    path: str
-    rows: int
+class File(PartFile):
+    """A Parquet file."""
 
     @classmethod
     def open(cls, path: str) -> File:
         """Look at the footer; InputError where there is none."""
         with _damaged(path):
-            return cls(path, int(_opened(path).metadata.num_rows))
-
-    def header(self) -> Table:
-        """The columns, each with a row of zeros in the place of its own."""
-        with _damaged(self.path):
-            schema = _opened(self.path).schema_arrow
-            names = [str(name).strip() for name in schema.names]
-            return Table({name: np.zeros(1) for name in names}, parse_metadata(_metadata(schema)))
-
-    def together(self) -> list[str]:
-        """The columns that have a value in every row."""
-        return list(self.header().columns)
+            file = _opened(path)
+            names = [str(name).strip() for name in file.schema_arrow.names]
+            header = header_of(names, parse_metadata(_metadata(file.schema_arrow)))
+            return cls(path, int(file.metadata.num_rows), header)
 
     def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
         """The columns in pieces of `rows` rows; InputError where the file is damaged."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -97,22 +98,58 @@ class Table:
         return values, first_text
 
 
+@dataclass(frozen=True)
+class PartFile(ABC):
+    """A file that is read in pieces: path, rows (of text about so many), columns with a row of zeros each."""
+
+    path: str
+    rows: int
+    columns: Table
+
+    @classmethod
+    @abstractmethod
+    def open(cls, path: str) -> PartFile | None:
+        """Look at a file; None where it cannot be read so."""
+
+    def header(self) -> Table:
+        """The columns, each with a row of zeros in the place of its own."""
+        return self.columns
+
+    def together(self) -> list[str]:
+        """The columns that have a value in every row."""
+        return list(self.columns.columns)
+
+    @abstractmethod
+    def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
+        """The columns in pieces of about `rows` rows; raises InputError where the file cannot be read."""
+
+
+def header_of(names: Iterable[str], metadata: Mapping[str, object], units: Mapping[str, str] | None = None) -> Table:
+    """A table with these columns, each with a row of zeros."""
+    return Table({name: np.zeros(1) for name in names}, metadata, 0, units or {})
+
+
+def stacked(pieces: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The rows of pieces with the same columns, one below the other; no column of no piece."""
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in (pieces[0] if pieces else ())}
+
+
 def resized(tables: Iterable[Table], rows: int) -> Iterator[Table]:
     """The rows of tables with the same columns of numbers, `rows` in each, so that a log in any format is cut alike."""
-    waiting: list[Mapping[str, Array | NDArray[np.object_]]] = []
+    waiting: list[Mapping[str, Any]] = []
     count = 0
     for table in tables:
         waiting.append(table.columns)
         count += len(next(iter(table.columns.values())))
         if count < rows:
             continue
-        joined = {name: np.concatenate([columns[name] for columns in waiting]) for name in table.columns}
+        joined = stacked(waiting)
         full = count // rows * rows
         for begin in range(0, full, rows):
             yield Table({name: values[begin : begin + rows] for name, values in joined.items()})
         waiting, count = [{name: values[full:] for name, values in joined.items()}], count - full
     if count:
-        yield Table({name: np.concatenate([columns[name] for columns in waiting]) for name in waiting[0]})
+        yield Table(stacked(waiting))
 
 
 WIDEST = 64

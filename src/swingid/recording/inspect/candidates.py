@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -255,11 +254,6 @@ class Candidate:
     def unit_in(self, role: str) -> str:
         """The stated unit where it is one of this role, else ""."""
         return self.unit if self.unit in ROLE_UNITS[role] else ""
-
-
-def among(candidate: Candidate, many: Iterable[Candidate]) -> bool:
-    """Return whether `one` is among `many`."""
-    return any(candidate is other for other in many)
 
 
 def fits(candidate: Candidate, role: str) -> float:

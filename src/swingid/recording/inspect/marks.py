@@ -28,7 +28,7 @@ from the centre of the arc, which a mark that rests elsewhere exceeds."""
 MASS = re.compile(r"\bmass\b", re.IGNORECASE)
 """Tracker calls its points mass A, mass B, which are no accelerations."""
 
-SPEED = re.compile(r"^v[_ ]?[xy]", re.IGNORECASE)
+SPEED, XY = re.compile(r"^v[_ ]?[xy]", re.IGNORECASE), re.compile(r"(^|[^a-z])[xy]\d?([^a-z]|$)", re.IGNORECASE)
 
 Mark = tuple[Candidate, Candidate]
 
@@ -38,8 +38,10 @@ def guess_point(candidates: Sequence[Candidate], roles: dict[str, Role]) -> list
 
     None are sought where a column is called an angle and nothing else.
     """
-    if any(_is_angle(candidate) for candidate in candidates):
-        return []
+    for candidate in candidates:
+        is_named = candidate.scores["angle"] >= 2 and not candidate.column.constant
+        if candidate.unit in ("rad", "deg") or (is_named and not XY.search(candidate.name)):
+            return []
     marks = _marks(candidates)
     moving = [(circle, mark) for mark in marks if (circle := _circle(mark)) is not None and _is_arc(circle, mark)]
     if not moving:
@@ -73,11 +75,6 @@ def seen_from_a_camera(angle: Candidate, candidates: Sequence[Candidate]) -> boo
 
 PIXELS = 12.6
 """Range of a column called x or y from which on it is neither rad (two turns) nor metres of a rig: pixels."""
-
-
-def _is_angle(candidate: Candidate) -> bool:
-    named = candidate.scores["angle"] >= 2 and not re.search(r"(?i)(^|[^a-z])[xy]\d?([^a-z]|$)", candidate.name)
-    return candidate.unit in ("rad", "deg") or (named and not candidate.column.constant)
 
 
 def _marks(candidates: Sequence[Candidate]) -> list[Mark]:

@@ -6,7 +6,8 @@ A guess, to be confirmed by the owner of the rig; each guess states its reason.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -92,29 +93,28 @@ def clocks_beside(candidates: list[Candidate]) -> dict[str, str]:
     return others
 
 
-def guess_speeds(moving: list[Candidate], stamps: Array) -> list[tuple[Candidate, str]]:
+def guess_speeds(moving: list[Candidate], stamps: Array) -> dict[Candidate, str]:
     """Columns that are the speed of another one: they go with its slope, and are called so or have its size."""
     clock = traits.thin(stamps)
     if len(clock) < 50:
-        return []
+        return {}
     slopes = {c.name: traits.slope(traits.thin(c.values), clock) for c in moving}
     level = {c.name: traits.smooth(traits.thin(c.values)) for c in moving}
-    result = []
+    result = {}
     for speed in moving:
         named = speed.scores["speed"] >= 2 or speed.unit in traits.SPEED_UNITS or traits.is_gyroscope(speed.name)
-        if not named and max(_main(speed)) >= 2:
+        if not named and max(speed.scores[role] for role in OF_OTHERS) >= 2:
             continue
         match = [(traits.correlation(level[speed.name], slopes[c.name]), c) for c in moving if c is not speed]
         match = [(r, c) for r, c in match if c.scores["speed"] < 3 and c.unit not in traits.SPEED_UNITS]
         r, of = max(match, key=lambda m: (round(m[0], 2), -m[1].scores["reference"]), default=(0.0, speed))
         if named or (r > DERIVATIVE and traits.has_size(level[speed.name], slopes[of.name])):
-            result.append((speed, of.name if r > DERIVATIVE else "an angle that is not logged"))
+            result[speed] = of.name if r > DERIVATIVE else "an angle that is not logged"
     return result
 
 
-def _main(candidate: Candidate) -> list[float]:
-    return [candidate.scores[role] for role in ("angle", "wheel", "voltage", "torque", "reference", "current")]
-
+OF_OTHERS = ("angle", "wheel", "voltage", "torque", "reference", "current")
+"""Roles by a name of which a column is no speed."""
 
 FEWEST = 20
 """Rows from which on a motion can be seen."""
@@ -175,9 +175,7 @@ def _angle_unit(column: Column) -> tuple[str, str]:
     return "rad", f"for it covers {span:.3g}"
 
 
-def guess_wheel(
-    unassigned: list[Candidate], angle: Candidate, speeds: list[tuple[Candidate, str]], roles: dict[str, Role]
-) -> list[Candidate]:
+def guess_wheel(unassigned: list[Candidate], angle: Candidate, roles: dict[str, Role]) -> None:
     """The wheel's angle: by its name, else a second smooth position that goes farther than the pendulum's."""
     named = [(traits.fits(c, "wheel") - c.scores["reference"], c) for c in unassigned if c.scores["wheel"] >= 2]
     named = [(score, c) for score, c in named if score >= 2 and traits.roughness(c.values) < 0.5]
@@ -191,7 +189,7 @@ def guess_wheel(
         wheel = max((c for c in unnamed if c.column.span > 3 * angle.column.span), key=_span, default=None)
         why = f"a smooth position over {0.0 if wheel is None else wheel.column.span:.3g}"
     if wheel is None:
-        return unassigned
+        return
     unit = wheel.unit_in("wheel")
     by_steps, counts = unit_of_steps(wheel.column)
     if not unit and by_steps:
@@ -204,7 +202,6 @@ def guess_wheel(
         )
         why += f"; {unit} as the angle" if not whole else "; whole numbers, so counts"
     roles["wheel_angle"] = Role("wheel_angle", wheel.name, unit, why, bool(named))
-    return [c for c in unassigned if c is not wheel]
 
 
 def _same_but_number(first: Candidate, second: Candidate) -> bool:
@@ -216,7 +213,7 @@ def _span(candidate: Candidate) -> float:
     return candidate.column.span
 
 
-def guess_reference(unassigned: list[Candidate], angle: Candidate, roles: dict[str, Role]) -> list[Candidate]:
+def guess_reference(unassigned: list[Candidate], angle: Candidate, roles: dict[str, Role]) -> None:
     """The reference of the angle: called so, or moving with it as one."""
     beside = [
         (traits.correlation(traits.thin(c.values), traits.thin(angle.values)), c, traits.alike(c, angle))
@@ -225,43 +222,42 @@ def guess_reference(unassigned: list[Candidate], angle: Candidate, roles: dict[s
     scored = [(c.scores["reference"] + 3.0 * same, r, c) for r, c, same in beside if same or _names_reference(c)]
     scored = [s for s in scored if s[2].scores["torque"] < 2 and s[2].scores["voltage"] < 2]
     if not scored:
-        return unassigned
+        return
     _, r, reference = max(scored, key=lambda s: (s[0], s[1]))
     text = f"goes with the angle (correlation {r:.3f})"
-    role = Role("reference", reference.name, reference.unit, text, reference.scores["reference"] >= 2)
-    roles["reference"] = role
-    return [c for c in unassigned if c is not reference]
+    roles["reference"] = Role("reference", reference.name, reference.unit, text, reference.scores["reference"] >= 2)
 
 
 def _names_reference(candidate: Candidate) -> bool:
     return candidate.scores["reference"] >= 3 or (candidate.scores["reference"] >= 2 and candidate.scores["angle"] >= 1)
 
 
-def guess_drive(unassigned: list[Candidate], roles: dict[str, Role]) -> list[Candidate]:
+def guess_drive(unassigned: list[Candidate], roles: dict[str, Role]) -> None:
     """Voltage and torque, by name and unit; without a wheel a voltage beside no torque is that of a motor."""
-    taken: list[Candidate] = []
     wheel = "wheel_angle" in roles or any(c.scores["wheel"] >= 2 for c in unassigned)
     for role in ("torque", "voltage"):
-        if role == "voltage" and "torque" in roles and not wheel:
-            continue
-        scored = [(traits.fits(c, role), c) for c in unassigned if not traits.among(c, taken)]
+        if "torque" in roles and not wheel:
+            return
         # of several, one that changes its sign: a supply does not
+        scored = [(traits.fits(c, role), c) for c in free(unassigned, roles)]
         score, best = max(
             scored, key=lambda s: (s[0] >= 2, traits.changes_sign(s[1].values), s[0]), default=(0.0, None)
         )
-        if best is None or score < 2:
-            continue
-        if role == "torque" and "wheel_angle" in roles:
+        if best is None or score < 2 or (role == "torque" and "wheel_angle" in roles):
             continue
         why = "by its unit" if best.scores[role] < 2 else "by its name"
         roles[role] = Role(role, best.name, best.unit, why, best.scores[role] >= 2)
-        taken.append(best)
-    return [c for c in unassigned if not traits.among(c, taken)]
 
 
-def guess_wheel_speed(speeds: list[tuple[Candidate, str]], angle: Candidate, roles: dict[str, Role]) -> None:
+def free(candidates: Iterable[Candidate], roles: dict[str, Role]) -> list[Candidate]:
+    """The columns without a role."""
+    taken = {role.column for role in roles.values()}
+    return [candidate for candidate in candidates if candidate.name not in taken]
+
+
+def guess_wheel_speed(speeds: dict[Candidate, str], angle: Candidate, roles: dict[str, Role]) -> None:
     """The speed of a wheel whose angle was not logged."""
-    named = [c for c, of in speeds if of != angle.name and (c.scores["wheel"] >= 2 or c.unit == "rpm")]
+    named = [c for c, of in speeds.items() if of != angle.name and (c.scores["wheel"] >= 2 or c.unit == "rpm")]
     if named:
         best = max(named, key=lambda c: c.scores["wheel"])
         unit = best.unit if best.unit in traits.SPEED_UNITS else "rad/s"
@@ -337,7 +333,9 @@ class Roles:
 def guess_roles(columns: list[Column]) -> Roles:
     """The likely role of each column. Columns without numbers, and those of another length than most, have none."""
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are no motion, and no cause to print
-        return _guess(columns)
+        found = _guess(columns)
+    taken = {role.column for role in found.found.values()}
+    return replace(found, others={name: what for name, what in found.others.items() if name not in taken})
 
 
 def _guess(columns: list[Column]) -> Roles:
@@ -346,12 +344,12 @@ def _guess(columns: list[Column]) -> Roles:
     usable = [c for c in columns if c.kind in ("numbers", "whole numbers") and len(c.values) == usual]
     candidates = [Candidate(c, traits.name_scores(c.name), traits.unit_of(c.name, c.unit)) for c in usable]
     roles: dict[str, Role] = {}
-    others: dict[str, str] = {}
     time = guess_time(candidates, roles)
     rest = [c for c in candidates if c is not time]
     moving = [c for c in rest if not c.column.constant]
-    others |= {c.name: "does not change" for c in rest if c.column.constant}
-    others |= {c.name: "lists, which need a column for each number" for c in columns if _holds_lists(c)}
+    others = {c.name: "does not change" for c in rest if c.column.constant}
+    texts = [c for c in columns if c.kind == "text" and any(cell.strip().startswith(("[", "(")) for cell in c.first)]
+    others |= {c.name: "lists, which need a column for each number" for c in texts}
     beside = clocks_beside(moving)
     others |= beside
     others |= {c.name: "of an accelerometer or magnetometer" for c in moving if traits.is_no_motion(c)}
@@ -360,35 +358,22 @@ def _guess(columns: list[Column]) -> Roles:
     marks = guess_point([c for c in rest if c.name not in beside], roles)
     if marks:
         others |= {c.name: "of a mark" for c in marks if c.column.constant is False}
-        moving = [c for c in moving if not traits.among(c, marks)]
-        return Roles(roles, _without(others | {c.name: "not known" for c in moving}, roles))
+        return Roles(roles, others | {c.name: "not known" for c in moving if c not in marks})
     pixels = [c for c in moving if seen_from_a_camera(c, rest)]
     others |= {c.name: "a place in a picture" for c in pixels}
-    moving = [c for c in moving if not traits.among(c, pixels)]
+    moving = [c for c in moving if c not in pixels]
     speeds = guess_speeds(moving, stamps)
-    others |= {c.name: f"speed of {of}" for c, of in speeds}
-    angle = guess_angle([c for c in moving if not traits.among(c, (s for s, _ in speeds))], roles)
+    others |= {c.name: f"speed of {of}" for c, of in speeds.items()}
+    moving = [c for c in moving if c not in speeds]
+    angle = guess_angle(moving, roles)
     if angle is None:
-        guess_rate([c for c, _ in speeds], roles)
-        return Roles(roles, _without(others, roles))
-    unassigned = [c for c in moving if c is not angle and not traits.among(c, (s for s, _ in speeds))]
-    unassigned = guess_wheel(unassigned, angle, speeds, roles)
-    unassigned = guess_reference(unassigned, angle, roles)
-    unassigned = guess_drive(unassigned, roles)
+        guess_rate(list(speeds), roles)
+        return Roles(roles, others)
+    others |= {c.name: "not known" for c in moving}
+    guess_wheel(free(moving, roles), angle, roles)
+    guess_reference(free(moving, roles), angle, roles)
+    guess_drive(free(moving, roles), roles)
     if "wheel_angle" not in roles:
         guess_wheel_speed(speeds, angle, roles)
-    others |= {c.name: "not known" for c in unassigned}
-    others = _without(others, roles)
     linear = roles["angle"].unit in ("m", "mm")
     return Roles(roles, others, None if linear else counted_from_top(angle, roles["angle"].unit), linear)
-
-
-def _without(others: dict[str, str], roles: dict[str, Role]) -> dict[str, str]:
-    """What columns without a role are."""
-    taken = {role.column for role in roles.values()}
-    return {name: what for name, what in others.items() if name not in taken}
-
-
-def _holds_lists(column: Column) -> bool:
-    """Return whether the cells are texts such as "[0.1, 0.2]"."""
-    return column.kind == "text" and any(cell.strip().startswith(("[", "(")) for cell in column.first)

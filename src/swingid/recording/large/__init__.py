@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from swingid.recording.large.log import LARGE, LargeLog, first_rows, is_large, pieces_of, rows_in
+from swingid.recording.large.log import LARGE, LargeLog, first_rows, is_large, opened
 
-__all__ = ["LARGE", "LargeLog", "first_rows", "is_large", "pieces_of", "rows_in"]
+__all__ = ["LARGE", "LargeLog", "first_rows", "is_large", "opened"]

@@ -7,15 +7,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from swingid.errors import InputError, SwingidError, UnanswerableError
 from swingid.recording.conventions import Conventions, Reading, gather
 from swingid.recording.findings import Source
-from swingid.recording.formats import csv, hdf5, hdf5_parts, mcap, mcap_parts, parquet
-from swingid.recording.formats.table import Table
+from swingid.recording.formats import csv, hdf5, mcap, mcap_parts, parquet
+from swingid.recording.formats.table import PartFile, Table, stacked
 from swingid.recording.large.parts import parts, within
 from swingid.recording.live import ARRIVAL, is_live, with_own_time, zero_at_rest
 from swingid.recording.load import reading_of
@@ -46,28 +44,7 @@ def is_large(path: str | Path) -> bool:
     return file is not None and file.rows > LARGE
 
 
-class File(Protocol):
-    """A file that is read in pieces: its rows, of some formats about so many."""
-
-    @property
-    def rows(self) -> int:
-        """Rows."""
-        ...
-
-    def header(self) -> Table:
-        """The columns, each with a row of zeros in the place of its own."""
-        ...
-
-    def together(self) -> list[str]:
-        """The columns that have a value in every row."""
-        ...
-
-    def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
-        """The columns in pieces of about `rows` rows; raises InputError where the file cannot be read."""
-        ...
-
-
-def _file(path: str | Path) -> File | None:
+def _file(path: str | Path) -> PartFile | None:
     """The file, where it is one that can be read in pieces and is large enough to look into it."""
     where = Path(path)
     try:
@@ -77,18 +54,18 @@ def _file(path: str | Path) -> File | None:
             start = stream.read(1024)
     except (OSError, ValueError):
         return None
-    if start.startswith(parquet.MAGIC):
-        return parquet.File.open(str(path))
-    if start.startswith(mcap.MAGIC):
-        return mcap_parts.File.open(str(path))
-    if start.startswith(hdf5.MAGIC) or start[512:].startswith(hdf5.MAGIC):  # behind the header of MATLAB v7.3
-        return hdf5_parts.File.open(str(path))
-    return csv.File.open(str(path))
+    kinds: dict[bytes, type[PartFile]] = {
+        parquet.MAGIC: parquet.File,
+        mcap.MAGIC: mcap_parts.File,
+        hdf5.MAGIC: hdf5.File,  # also behind the header of MATLAB v7.3
+    }
+    found = [kind for magic, kind in kinds.items() if start.startswith(magic) or start[512:].startswith(magic)]
+    return (found or [csv.File])[0].open(str(path))
 
 
 def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:
     """The first rows of a log for which `is_large`, all columns; raises InputError as `LargeLog.parts`."""
-    file = _require(path)
+    file = opened(path)
     header, names = file.header(), file.together()
     tables: list[Table] = []
     for table in file.pieces(min(rows, PIECE), names):
@@ -97,22 +74,12 @@ def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:
             break
     if not tables:
         raise InputError(f"{path} has no rows of numbers; log a motion.", code="empty-file")
-    columns = {name: np.concatenate([piece.columns[name] for piece in tables])[:rows] for name in names}
+    columns = {name: values[:rows] for name, values in stacked([piece.columns for piece in tables]).items()}
     return Table(columns, header.metadata, sum(piece.unreadable_rows for piece in tables), header.units)
 
 
-def rows_in(path: str | Path) -> int:
-    """Rows of a log for which `is_large`, of text about so many."""
-    return _require(path).rows
-
-
-def pieces_of(path: str | Path) -> tuple[Table, Iterator[Table]]:
-    """The header (a row of zeros) and the pieces of a log for which `is_large`, all columns that go together."""
-    file = _require(path)
-    return file.header(), file.pieces(PIECE, file.together())
-
-
-def _require(path: str | Path) -> File:
+def opened(path: str | Path) -> PartFile:
+    """The file of a log for which `is_large`; InputError where it cannot be read in parts."""
     file = _file(path)
     if file is None:
         raise InputError(f"{path} cannot be read in parts; read it whole.", code="not-in-parts")
@@ -147,12 +114,12 @@ class LargeLog:
     digest: Callable[[], str] | None = None
 
     @cached_property
-    def _open(self) -> File:
+    def _open(self) -> PartFile:
         for key in ("point", "skip_rows", "comment"):
             if getattr(self.rig.log, key):
                 text = f"{self.path} has more than {LARGE} rows and is read in parts, which [log] {key} does not allow"
                 raise InputError(f"{text}; give --part FROM:TO of a shorter log.", code="not-in-parts")
-        return _require(self.path)
+        return opened(self.path)
 
     @property
     def rows(self) -> int:
@@ -197,8 +164,7 @@ class LargeLog:
         if not tables:
             text = f"{self.path} has no rows between {self.span[0]:g} s and {self.span[1]:g} s; choose another part."
             raise UnanswerableError(text, code="empty-segment")
-        columns = {name: np.concatenate([piece[name] for piece in tables]) for name in tables[0]}
-        table = Table(columns, header.metadata, 0, header.units)
+        table = Table(stacked(tables), header.metadata, 0, header.units)
         source = Source(self.path, self.sha256())
         log = Recording.from_table(table, self.rig, source, repairs=self.repairs)
         return (
@@ -222,8 +188,7 @@ class LargeLog:
         time = reading.conventions.columns["time"]
         if not {time, ARRIVAL} <= header.columns.keys():
             return reading
-        pieces = list(self._open.pieces(PIECE, [time, ARRIVAL]))
-        whole = {name: np.concatenate([piece.columns[name] for piece in pieces]) for name in (time, ARRIVAL)}
+        whole = stacked([piece.columns for piece in self._open.pieces(PIECE, [time, ARRIVAL])])
         return with_own_time(Table(whole, header.metadata), time, reading)
 
     def sha256(self) -> str:

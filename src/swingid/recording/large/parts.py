@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,16 +21,10 @@ from swingid.numerics.arrays import median, quantile
 from swingid.numerics.reversals import reversals
 from swingid.recording.conventions import Reading, gather
 from swingid.recording.findings import Finding, Source
+from swingid.recording.formats.table import stacked
 from swingid.recording.load import check_motion, unreadable_rows
 from swingid.recording.recording import Recording
-from swingid.recording.repair import (
-    limited,
-    made_continuous,
-    on_even_clock,
-    report_gaps,
-    warn_of_jumps,
-    without_spikes,
-)
+from swingid.recording.repair import ANGLES, FAULTS_OF_MEANS, limited, made_continuous, without_spikes
 from swingid.recording.rows import LARGEST, few, rows_in_order, take
 
 if TYPE_CHECKING:
@@ -42,7 +36,6 @@ if TYPE_CHECKING:
 ENOUGH = 60_000
 """Rows, averaged ones, that make a part."""
 
-ANGLES = ("angle", "wheel_angle")
 HELD = ("voltage", "torque")
 
 
@@ -100,10 +93,10 @@ def _pieces(pieces: Iterable[Table], reading: Reading) -> Iterator[tuple[Channel
     before = 0
     for table in pieces:
         row, before = before, before + max(map(len, table.columns.values()))
-        piece = replace(reading, findings=[], before=row)
+        piece = replace(reading, findings=[], before=row, texts={})
         unreadable = unreadable_rows(table, piece)
         with _naming_rows(reading.name, row, before):
-            channels, texts = gather(table, piece)
+            channels = gather(table, piece)
             if reading.conventions.rate is not None:
                 channels["time"] = channels["time"] + row / reading.conventions.rate
             if reading.span is not None:
@@ -111,7 +104,8 @@ def _pieces(pieces: Iterable[Table], reading: Reading) -> Iterator[tuple[Channel
             if channels["time"].size < 2:
                 continue
             if not _is_plain(channels, last, reading.conventions):
-                channels = _repaired(_after(rows_in_order(channels, texts, piece), last, piece), piece)
+                channels = made_continuous(_after(rows_in_order(channels, piece), last, piece), piece)
+                channels = without_spikes(channels, piece, passes=0)
         piece.findings += unreadable
         if any(finding.code == "unwrapped" for finding in piece.findings):
             wrapped |= {name for name in ANGLES if reading.conventions.scales.get(name) is not None}
@@ -150,17 +144,6 @@ def _is_plain(channels: Channels, last: Channels, conventions: Conventions) -> b
             if not max(-steps.min(), steps.max()) <= 0.5 * scale.turn:
                 return False
     return True
-
-
-def _repaired(channels: Channels, piece: Reading) -> Channels:
-    """Rows in order with angles that go on over turns, without the rows that were spikes on the way."""
-    channels, spikes = made_continuous(channels, piece)
-    if not spikes.any():
-        return channels
-    message = f"{int(spikes.sum())} of {spikes.size} rows left out: isolated spikes of an angle."
-    level: Literal["note", "warning"] = "note" if few(int(spikes.sum()), spikes.size) else "warning"
-    piece.found("spikes", message, level, "spikes", at=channels["time"][spikes])
-    return take(channels, ~spikes)
 
 
 def within(table: Table, reading: Reading, before: int) -> Bools:
@@ -202,37 +185,25 @@ def _continued(channels: Channels, last: Channels, conventions: Conventions, wra
     return channels
 
 
-def _joined(pieces: list[Channels]) -> Channels:
-    full = [piece for piece in pieces if piece]
-    if len(full) == 1:
-        return full[0]
-    return {name: np.concatenate([piece[name] for piece in full]) for name in full[-1]}
-
-
 def _recording(part: _Part, reading: Reading) -> Recording | SwingidError:
     """A part as a Recording: the rest of the repairs, the model's units, checked; the error where it cannot be one."""
-    channels = _joined(part.kept)
-    reading = replace(reading, findings=[*reading.findings, *part.findings])
+    channels = stacked([piece for piece in part.kept if piece])
+    reading = replace(reading, findings=[*reading.findings, *part.findings], averaged=part.block)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused
-            channels = on_even_clock(channels, reading)
-            channels = without_spikes(channels, np.zeros(channels["time"].size, dtype=bool), reading, part.block)
-            report_gaps(channels["time"], reading)
-            warn_of_jumps(channels, reading, part.block)
+            for fault in FAULTS_OF_MEANS:
+                channels = fault(channels, reading)
             model = reading.conventions.to_model(channels)
             check_motion(model, reading)
-        source = Source(reading.name, None)
-        held = reading.held and part.block == 1
-        findings, off = tuple(reading.findings), reading.off
         return Recording(
             **model,
-            drive_held=held,
-            findings=findings,
-            source=source,
+            drive_held=reading.held and part.block == 1,
+            findings=tuple(dict.fromkeys(reading.findings)),  # spikes that are left are found twice
+            source=Source(reading.name, None),
             averaged=part.block,
             metadata={},
             selected=False,
-            repairs_off=off,
+            repairs_off=reading.off,
             done=frozenset(),
         )
     except SwingidError as error:
@@ -283,7 +254,7 @@ def averaged(
     total = first["time"].size + channels["time"].size
     blocks = total // rows - 1  # the last needs the middle of the next
     if blocks < 1:
-        joined = _joined([first, channels])
+        joined = stacked([first, channels])
         return {name: values[:0] for name, values in joined.items()}, joined
     used = blocks * rows
     blocked = {name: _blocks(first[name], values, blocks + 1, rows) for name, values in channels.items()}

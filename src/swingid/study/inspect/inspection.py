@@ -29,7 +29,7 @@ from swingid.recording.header import with_header_units
 from swingid.recording.inspect import Check, Column, Roles, describe, guess_roles, log_table, read_clock
 from swingid.recording.inspect.check import Clock, check_clock
 from swingid.recording.inspect.rig_text import trial_rig
-from swingid.recording.large import first_rows, is_large, rows_in
+from swingid.recording.large import first_rows, is_large, opened
 from swingid.recording.load import FEWEST_ROWS, read_bytes
 from swingid.recording.points import with_angle
 from swingid.recording.recording import Recording, Source
@@ -168,7 +168,7 @@ def _of_first_rows(path: str | Path, rig: Rig | None) -> Inspection:
     """Inspect the first rows of a large log."""
     table = first_rows(path)
     inspection = inspect_table(table, rig, Source(str(path), sha256_of(path)), whole=False)
-    text = f"the log has {rows_in(path)} rows, of which the first {inspection.rows} were looked at."
+    text = f"the log has {opened(path).rows} rows, of which the first {inspection.rows} were looked at."
     return replace(inspection, checks=(Check("first-rows", "rows", "note", text), *inspection.checks))
 
 

@@ -16,7 +16,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from swingid.balance.friction_laws import TERMS, Law, stribeck_slope
-from swingid.balance.perturbations import slopes_by
+from swingid.balance.perturbations import Slope, slopes_by
 from swingid.balance.reversals import IMPULSES
 from swingid.balance.rows import Rows, Signals, Windows, smooth_columns
 from swingid.methods.equation_error.cutoff import SETTLING, Cutoff
@@ -182,11 +182,21 @@ class OnGrid:
         Away from the ends it is symmetric: so it also is the effect of every sample on a sum with the weights s.
         """
         effect = np.zeros_like(error)
-        for name, order, derivative in slopes_by(channel, self.equation.terms):
+        for name, order, by_angle in slopes_by(channel, self.equation.terms):
             if value := values.get(name, 0.0):
-                pull = 1.0 if order else self._once(f"slope of {name}", partial(derivative, self.grid.angle))
-                effect = effect + value * (curvature(error, self.grid.step) if order else pull * error)
+                change = curvature(error, self.grid.step) if order else self._pull(name, by_angle) * error
+                effect = effect + value * change
         return effect
+
+    def stiffness(self, values: Mapping[str, float]) -> float:
+        """Mean of Σ c ∂f/∂q1 over the grid, with these coefficients."""
+        pulls = {name: by_angle for name, order, by_angle in slopes_by("angle", self.equation.terms) if order == 0}
+        known = {name: values[name] for name in pulls if values.get(name)}
+        return sum(value * float(np.mean(self._pull(name, pulls[name]))) for name, value in known.items())
+
+    def _pull(self, name: str, by_angle: Slope) -> Array:
+        """∂f/∂q1 of a term at every row of the grid."""
+        return self._once(f"slope of {name}", partial(by_angle, self.grid.angle))
 
     def channel(self, name: str) -> Array:
         """Angle, wheel or torque at every row of the grid; the drive must have it."""

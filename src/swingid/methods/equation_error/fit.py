@@ -89,60 +89,20 @@ class RowFit(WindowFit):
         weights: Array = np.eye(len(self.unknowns))[self.unknowns.index(unknown)]
         return weights
 
-    def variances(self, weights: Array) -> tuple[float, float]:
-        """Type A variance of a combination of the unknowns: of white noise of both angles, and of the lack of fit.
-
-        The scatter of the rows over a finite time also contains power of the differentiated noise at frequencies beside
-        the motion's. The expected power of the noise there is subtracted, and one standard deviation of it: the
-        difference is never negative, so its fluctuation would widen it.
-        """
-        key = f"variances of {weights.tolist()}"
-        if key not in self.kept:
-            seen = float(weights @ self.covariance @ weights)
-            smeared = float(self._lagged @ autocorrelation(weights @ self.fit.influence, self.reach))
-            # number of independent stretches of a Parzen kernel, as in `hac_covariance`
-            chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.weights)))
-            noise = self._per_sample(weights)
-            self.kept[key] = float(np.vdot(noise, noise)), max(seen - smeared - float(chance), 0.0)
-        variances: tuple[float, float] = self.kept[key]
-        return variances
-
-    def variance(self, weights: Array) -> float:
-        """Type A variance of a combination of the unknowns."""
-        return sum(self.variances(weights))
-
-    def freedom_of(self, weights: Array) -> float:
-        """Degrees of freedom of `variance`: those of its part beyond the white noise of both angles."""
-        rows = scatter_freedom(weights @ self.fit.influence, parzen(self.reach), len(self.unknowns))
-        white, beyond = self.variances(weights)
-        return effective_freedom(((white**0.5, math.inf), (beyond**0.5, rows)))
-
-    def _per_sample(self, combination: Array) -> Array:
-        """Contribution of the noise of each sample of both angles to a combination of the unknowns, (2, n)."""
-        key = f"samples of {combination.tolist()}"
-        if key not in self.kept:
-            weights, noise = (
-                self.row_filter.adjoint(combination @ self.fit.influence),
-                (self.noise.angle, self.noise.wheel),
-            )
-            self.kept[key] = np.array(
-                [
-                    std * self.part.acting(channel, weights, self.coefficients)
-                    for channel, std in zip(("angle", "wheel"), noise, strict=True)
-                ]
-            )
-        contributions: Array = self.kept[key]
-        return contributions
+    @cached_property
+    def of_inertia(self) -> Combination:
+        """The inertia a11."""
+        return Combination(self, self.of("inertia"))
 
     @cached_property
-    def _lagged(self) -> Array:
+    def white_products(self) -> Array:
         """Expected products of the residuals by white noise of both angles, by their lags, as `hac_covariance` weighs.
 
         Rows are 0 to `reach` apart.
         """
         products, (curved, spread, both) = np.zeros(self.reach + 1), self.row_filter.correlations
         near = min(len(curved), len(products))
-        pull = float(np.mean(self.part.acting("angle", np.ones_like(self.part.grid.angle), self.coefficients)))
+        pull = self.part.stiffness(self.coefficients)
         inertia, wheel = self.a11, self.value("wheel") * self.noise.wheel
         axis = inertia**2 * curved[:near] + pull**2 * spread[:near] + 2 * inertia * pull * both[:near]
         products[:near] = self.noise.angle**2 * axis + wheel**2 * curved[:near]
@@ -211,7 +171,8 @@ class RowFit(WindowFit):
 
     def spread(self, unknown: str) -> float:
         """Standard uncertainty of an unknown from the scatter, the sensors' noise and the grid phase."""
-        return float(np.hypot(np.sqrt(self.variance(self.of(unknown))), rms(self.grid_effects(unknown))))
+        combination = self.of_inertia if unknown == "inertia" else Combination(self, self.of(unknown))
+        return float(np.hypot(np.sqrt(combination.variance), rms(self.grid_effects(unknown))))
 
     def relative_with_bias(self) -> float:
         """Standard uncertainty of a11 by the sensors, lack of fit and attenuation, as a share of its magnitude."""
@@ -222,7 +183,7 @@ class RowFit(WindowFit):
 
         That is the noise of the sensors, or the difference of the variances (Hausman 1978), which has the lack of fit.
         """
-        first, second = (fit.variance(fit.of("inertia")) for fit in (self, other))
+        first, second = self.of_inertia.variance, other.of_inertia.variance
         variance = max(self.variance_of_difference(other), abs(first - second))
         return dark_uncertainty(other.a11 - self.a11, variance, float(np.sqrt(first)))
 
@@ -231,11 +192,63 @@ class RowFit(WindowFit):
 
         Both fits are linear in the same noise, so its effect on their difference is known, that of the grid too.
         """
-        noise = self._per_sample(self.of("inertia")) - other._per_sample(other.of("inertia"))
+        noise = self.of_inertia.per_sample - other.of_inertia.per_sample
         variance = float(np.vdot(noise, noise)) + rms(self.grid_effects() - other.grid_effects()) ** 2
         if self.lag == 0:
             variance += (self.a11 * (self.bias - other.bias)) ** 2
         return variance
+
+
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """A combination of the unknowns of a fit, weights (p,), and its type A variance."""
+
+    fit: RowFit
+    weights: Array
+
+    @cached_property
+    def influence(self) -> Array:
+        """Influence of each row (rows,)."""
+        influence: Array = self.weights @ self.fit.fit.influence
+        return influence
+
+    @cached_property
+    def per_sample(self) -> Array:
+        """Contribution of the noise of each sample of both angles, (2, n)."""
+        fit, noise = self.fit, self.fit.noise
+        weights = fit.row_filter.adjoint(self.influence)
+        channels = (("angle", noise.angle), ("wheel", noise.wheel))
+        return np.array([std * fit.part.acting(channel, weights, fit.coefficients) for channel, std in channels])
+
+    @cached_property
+    def white(self) -> float:
+        """Variance by white noise of both angles."""
+        return float(np.vdot(self.per_sample, self.per_sample))
+
+    @cached_property
+    def beyond(self) -> float:
+        """Variance by lack of fit: by the scatter of the rows beyond that of white noise.
+
+        The scatter of the rows over a finite time also contains power of the differentiated noise at frequencies beside
+        the motion's. The expected power of the noise there is subtracted, and one standard deviation of it: the
+        difference is never negative, so its fluctuation would widen it.
+        """
+        fit = self.fit
+        smeared = float(fit.white_products @ autocorrelation(self.influence, fit.reach))
+        # number of independent stretches of a Parzen kernel, as in `hac_covariance`
+        chance = smeared * np.sqrt(2 * (fit.reach + 1) / (1.85 * np.count_nonzero(fit.weights)))
+        return max(float(self.weights @ fit.covariance @ self.weights) - smeared - float(chance), 0.0)
+
+    @property
+    def variance(self) -> float:
+        """Type A variance."""
+        return self.white + self.beyond
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of `variance`: those of its part beyond the white noise of both angles."""
+        rows = scatter_freedom(self.influence, parzen(self.fit.reach), len(self.fit.unknowns))
+        return effective_freedom(((self.white**0.5, math.inf), (self.beyond**0.5, rows)))
 
 
 def noise_share(fit: RowFit, higher: RowFit) -> tuple[float, float]:
@@ -251,8 +264,7 @@ def noise_share(fit: RowFit, higher: RowFit) -> tuple[float, float]:
     growth = higher.row_filter.cutoff.frequency / fit.row_filter.cutoff.frequency - 1
     low, high = fit.attenuation / power, 1 - fit.attenuation * wheel / power
     high = max(min(high, (higher.scattered - fit.scattered) / (growth * power)), low)
-    first, second = (estimate.variance(estimate.of("inertia")) for estimate in (fit, higher))
-    variance = max(fit.variance_of_difference(higher), abs(first - second))
+    variance = max(fit.variance_of_difference(higher), abs(fit.of_inertia.variance - higher.of_inertia.variance))
     slope = fit.a11 * (higher.scattered - fit.scattered)
     prior = (high - low) ** 2 / 12
     weight = prior * slope**2 / max(prior * slope**2 + variance, 1e-300)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.fits import known_side
 from swingid.balance.friction_laws import TERMS, Law, curve_speeds, parameter_weights
 from swingid.balance.perturbations import propagated
 from swingid.methods.energy.chain import Chain
@@ -146,9 +145,8 @@ def _per_swing(estimate: EnergyEstimate) -> SwingSeries:
     """One inertia per turning point: that of its pair, or of its block less the fitted friction."""
     fit, rows, values = estimate.fit, estimate.fit.rows, estimate.each
     if values is None:
-        remainder = known_side(rows, fit.equation) - rows.sum_of({name: fit.value(name) for name in fit.unknowns[1:]})
-        energy, speed = (rows.blocks(rows.within(x)) for x in (remainder, rows["inertia"]))
-        values = (energy * speed).sum(axis=1) / (speed * speed).sum(axis=1)
+        left, regressor = rows.blocks(fit.fit.residuals), rows.blocks(rows.within(rows["inertia"]))
+        values = fit.a11 + (left * regressor).sum(axis=1) / (regressor * regressor).sum(axis=1)
     expected = float(np.sqrt(estimate.sensor * len(rows.instants)))
     return SwingSeries.of(estimate.turning, estimate.sides, values - fit.equation.carried, expected)
 

@@ -188,7 +188,7 @@ class PassRows(Rows):
         instants = self.instants[:, cut:-cut]
         columns = {name: self.blocks(column)[:, cut:-cut].ravel() for name, column in self.columns.items()}
         windows = Windows(instants.ravel(), np.zeros(instants.size))
-        return replace(self, windows=windows, columns=columns, kept={}, instants=instants)
+        return replace(self, windows=windows, columns=columns, instants=instants)
 
 
 def _works(rows: PassRows, rig_term: RigTerm) -> dict[str, Array]:

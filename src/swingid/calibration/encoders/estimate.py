@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from swingid.balance.fits import LAG, with_excess
+from swingid.balance.fits import LAG, covariance_by
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import COMPARABLE
 from swingid.calibration.encoders.logs import CalibrationLog, LogRows
@@ -19,7 +19,7 @@ from swingid.calibration.encoders.parts import Part, with_parts
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.regression import fit_linear
 from swingid.preparation.scale import equation_of
 from swingid.progress import stepped
 from swingid.uncertainty.dark import dark_uncertainty, shrunk
@@ -178,8 +178,8 @@ def fit_jointly(logs: Sequence[LogRows], parts: Sequence[Part], current: Array) 
     white, phases = np.zeros(size), np.zeros((1, size))
     for k, log in enumerate(logs):
         influence = of_parts[:, edges[k] : edges[k + 1]] / errors[k]
-        covariance = covariance + _scatter(log, influence, residuals[k] * errors[k])
-        white += log.sensor_noise(influence, grid=True)[0]
+        covariance = covariance + covariance_by(log.fit, influence, residuals[k] * errors[k])
+        white += log.grid_noise(influence)
         phases = phases + (log.grid @ influence.T if len(log.grid) else 0.0)
     # errors that repeat with the motion add variance; those that cancel in a quick motion take some away
     grid = np.asarray(shrunk(np.mean(phases**2, axis=0) - white, GRID_SPREAD * white))
@@ -207,17 +207,3 @@ def _wide(log: LogRows, keys: Sequence[str], begin: int, width: int) -> Array:
 def _error(residuals: Array) -> float:
     """Standard deviation of a row, as of an independent one: rows of overlapping windows are correlated."""
     return max(float(np.sqrt(LAG / 2 * np.mean(residuals**2))), 1e-300)
-
-
-def _scatter(log: LogRows, influence: Array, residuals: Array) -> Array:
-    """Covariance (p, p) by noise of the log's sensors and by lack of fit of its rows; see `balance.fits`.
-
-    influence (p, rows): of the log's rows on the parts.
-    """
-    count = len(log.fit.unknowns)
-    covariance = LinearFit(np.zeros(count), residuals, influence, 1.0).covariance(LAG)
-    scattered = np.diag(covariance)
-    variances = with_excess(*log.sensor_noise(influence), scattered, max(len(residuals) - count, 1))
-    scale = np.sqrt(variances / np.maximum(scattered, 1e-300))
-    result: Array = np.where(np.eye(len(scattered)) > 0, np.diag(variances), covariance * np.outer(scale, scale))
-    return result

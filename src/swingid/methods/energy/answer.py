@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from swingid.balance.perturbations import propagated
 from swingid.methods.energy.chain import Chain
 from swingid.methods.energy.effects import pass_errors
 from swingid.methods.energy.fit import PassFit
+from swingid.methods.energy.passes import Passes
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
@@ -33,19 +34,17 @@ class EnergyEstimate:
     """A fit and what its uncertainty depends on.
 
     others: fits of the same log by other nodes or another law, which should be consistent. common: (parameter, source)
-    and standard uncertainty of errors that are common to all swings. sensor: variance of a11 by the sensors' noise.
-    each: a11 of every pair of passes ("printed"), None for "better".
+    and standard uncertainty of errors that are common to all swings. each: a11 of every pair of passes ("printed"),
+    None for "better".
     """
 
     variant: str
     fit: PassFit
-    turning: Array
-    sides: Array
-    others: dict[str, PassFit]
-    common: dict[tuple[str, str], float]
-    sensor: float
-    each: Array | None
-    notes: tuple[Message, ...]
+    passes: Passes
+    others: dict[str, PassFit] = field(default_factory=dict)
+    common: dict[tuple[str, str], float] = field(default_factory=dict)
+    each: Array | None = None
+    notes: tuple[Message, ...] = ()
 
     def beside(self, more: dict[tuple[str, str], float]) -> EnergyEstimate:
         """The estimate with more errors that are common to all swings."""
@@ -63,9 +62,9 @@ def energy_answer(estimate: EnergyEstimate, rig: Rig) -> Evaluated:
     common = [(systematic(source), name, spread) for (name, source), spread in estimate.common.items()]
     unmodelled = rig.axis.model_uncertainty
     if not fit.has_scatter:
-        noise = scatter("sensor noise"), "inertia", float(np.sqrt(estimate.sensor))
+        noise = scatter("sensor noise"), "inertia", float(np.sqrt(fit.sensor))
         return evaluate(values, None, [noise, *common], declared, unknown=values, relative=unmodelled)
-    widening = max(1.0, estimate.sensor / max(fit.covariance[0, 0], 1e-300)) if estimate.sensor > 0 else 1.0
+    widening = max(1.0, fit.sensor / max(fit.covariance[0, 0], 1e-300)) if fit.sensor > 0 else 1.0
     u = fit.u * np.sqrt(widening)
     for name, other in estimate.others.items():  # of the same log, so the variances differ by that of the difference
         dark = dark_uncertainty(other.a11 - fit.a11, abs(other.u**2 - u**2), u)
@@ -136,7 +135,7 @@ def energy_details(estimate: EnergyEstimate, part: Part) -> Details:
         estimates={
             name: (variant.inertia, variant.u) for name, variant in {estimate.variant: fit, **estimate.others}.items()
         },
-        residual_times=estimate.turning if better else np.empty(0),
+        residual_times=estimate.passes.turning if better else np.empty(0),
         residuals=(residuals[:, -1] - residuals[:, 0]) / travelled if better else np.empty(0),
     )
 
@@ -147,8 +146,8 @@ def _per_swing(estimate: EnergyEstimate) -> SwingSeries:
     if values is None:
         left, regressor = rows.blocks(fit.fit.residuals), rows.blocks(rows.within(rows["inertia"]))
         values = fit.a11 + (left * regressor).sum(axis=1) / (regressor * regressor).sum(axis=1)
-    expected = float(np.sqrt(estimate.sensor * len(rows.instants)))
-    return SwingSeries.of(estimate.turning, estimate.sides, values - fit.equation.carried, expected)
+    expected = float(np.sqrt(fit.sensor * len(rows.instants)))
+    return SwingSeries.of(estimate.passes.turning, estimate.passes.sides, values - fit.equation.carried, expected)
 
 
 def _curve(fit: PassFit) -> FrictionCurve:

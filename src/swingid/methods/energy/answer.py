@@ -6,14 +6,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from swingid.balance.friction_laws import TERMS, Law, curve_speeds, parameter_weights
+from swingid.balance.friction_laws import TERMS, Law, curve_speeds, parameters_of
 from swingid.balance.perturbations import propagated
 from swingid.methods.energy.chain import Chain
 from swingid.methods.energy.effects import pass_errors
 from swingid.methods.energy.fit import PassFit
 from swingid.methods.energy.passes import Passes
+from swingid.methods.energy.symmetry import EVEN, ODD
 from swingid.model.rig import Rig
-from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import NEIGHBOURS, squared_distance
 from swingid.preparation.prepared import Part
@@ -53,12 +53,10 @@ class EnergyEstimate:
 
 def energy_answer(estimate: EnergyEstimate, rig: Rig) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant, by its key."""
-    fit, equation = estimate.fit, estimate.fit.equation
-    weights, units = _sought(fit), units_on(linear=equation.linear)
-    values = {name: (float(row @ fit.fit.values), units[name]) for name, row in weights.items()}
-    values["inertia"] = fit.inertia, units["inertia"]
+    fit, even = estimate.fit, EVEN if _depends_on_direction(estimate.fit) else ()
+    values, weights = parameters_of(fit, tuple(name for name in (*ODD, *even) if name in fit.unknowns))
     combinations = np.array(list(weights.values()))
-    declared = propagated(pass_errors(fit.rows, rig, equation, fit.coefficients), fit.fit.influence, combinations)
+    declared = propagated(pass_errors(fit.rows, rig, fit.equation, fit.coefficients), fit.fit.influence, combinations)
     common = [(systematic(source), name, spread) for (name, source), spread in estimate.common.items()]
     unmodelled = rig.axis.model_uncertainty
     if not fit.has_scatter:
@@ -77,16 +75,6 @@ def energy_answer(estimate: EnergyEstimate, rig: Rig) -> Evaluated:
         np.array(freedom),
     )
     return evaluate(values, scattered, common, declared, relative=unmodelled)
-
-
-def _sought(fit: PassFit) -> dict[str, Array]:
-    """Weights of each parameter on the unknowns: of friction by direction where that matters."""
-    unit = {name: np.eye(len(fit.unknowns))[k] for k, name in enumerate(fit.unknowns)}
-    even = ("offset", "viscous_even") if _depends_on_direction(fit) else ()
-    terms = tuple(name for name in ("coulomb", "viscous", "quadratic", *even) if name in unit)
-    weights = {name: unit[name] for name in fit.unknowns if fit.equation.seeks(name)}
-    columns = np.array([unit[name] for name in terms])
-    return weights | {name: row @ columns for name, row in parameter_weights(terms).items()}
 
 
 def _depends_on_direction(fit: PassFit) -> bool:

@@ -31,17 +31,6 @@ class PassFit(NamedFit):
     """
 
     rows: PassRows
-    equation: Equation
-
-    @property
-    def coefficients(self) -> dict[str, float]:
-        """Coefficients of the equation by name, stated and fitted."""
-        return self.equation.stated | self.values
-
-    @property
-    def inertia(self) -> float:
-        """Inertia J1 of the body."""
-        return self.a11 - self.equation.carried
 
     @property
     def has_scatter(self) -> bool:

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from swingid.balance.errors import constant_error
-from swingid.balance.friction_laws import curve_speeds, parameter_weights
+from swingid.balance.friction_laws import curve_speeds, parameters_of
 from swingid.balance.perturbations import SHAPES, RowError, channel_of, of_channels, of_constants, propagated
 from swingid.methods.equation_error.estimate import Selection
 from swingid.methods.equation_error.fit import Combination, RowFit
 from swingid.methods.equation_error.grid import slope
 from swingid.model.rig import Rig
-from swingid.model.terms import TERMS, power_of, units_on
+from swingid.model.terms import TERMS, power_of
 from swingid.result.result import Details, FrictionCurve, SwingSeries
 from swingid.uncertainty.budget import Evaluated, Scatter, evaluate
 
@@ -23,18 +23,14 @@ SCATTER = "scatter of the rows and sensor noise"
 
 def answer(selected: Selection, rig: Rig) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant."""
-    fit, law, equation = selected.chosen, selected.law, selected.chosen.equation
-    units = units_on(linear=equation.linear)
-    sought = {name: fit.of(name) for name in fit.unknowns if name in equation.sought}
-    friction = np.array([fit.of(name) for name in law.unknowns])
-    sought |= {name: row @ friction for name, row in parameter_weights(law.unknowns).items()}
-    values = {name: (float(row @ fit.fit.values), units[name]) for name, row in sought.items()}
-    values["inertia"] = fit.inertia, units["inertia"]
+    fit, law = selected.chosen, selected.law
+    values, weights = parameters_of(fit, law.unknowns)
     if "stribeck" in law.terms:  # the fit estimates its change
-        values["stribeck_speed"] = values["stribeck_speed"][0] + law.stribeck_speed, units["stribeck_speed"]
-    combinations = np.array(list(sought.values()))
+        change, unit = values["stribeck_speed"]
+        values["stribeck_speed"] = change + law.stribeck_speed, unit
+    combinations = np.array(list(weights.values()))
     declared = propagated(_errors(rig, fit), fit.fit.influence, combinations)
-    each = [fit.of_inertia if name == "inertia" else Combination(fit, row) for name, row in sought.items()]
+    each = [fit.of_inertia if name == "inertia" else Combination(fit, row) for name, row in weights.items()]
     spread = np.sqrt([combination.variance for combination in each])
     scatters = combinations @ fit.covariance @ combinations.T
     scale_of = spread / np.sqrt(np.maximum(np.diag(scatters), 1e-300))

@@ -248,9 +248,8 @@ class Reporter:
         common = [(systematic(TIMING), name, float(u)) for name, u in zip(names, timing, strict=True)]
         evaluated = evaluate(values, scattered, common, declared, () if known else values, self.relative)
         # the inertia of one swing, less the friction of all swings
-        regressor = block.columns[:, 0]
-        remainder = block.target - block.columns[:, 1:] @ solution.values[1:]
-        alone = float(regressor @ remainder / (regressor @ regressor)) - equation.carried
+        regressor, left = block.columns[:, 0], block.target - block.columns @ solution.values
+        alone = values["inertia"][0] + float(regressor @ left / (regressor @ regressor))
         self._squares += (alone - values["inertia"][0]) ** 2
         spread = float(np.sqrt(self._squares / (recursion.swings - 1))) if known else None
         return SwingEstimate(

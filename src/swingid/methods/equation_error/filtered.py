@@ -172,9 +172,15 @@ class OnGrid:
         """Filtered errors (8, rows) of the acceleration by the encoder's grid, shifted by eighths of its step."""
         key: tuple[Key, float] = ("grid errors", ()), row_filter.cutoff.frequency
         if key not in self.kept:
-            columns = [self.column("grid error", k / GRID_PHASES) for k in range(GRID_PHASES)]
-            self.kept[key] = row_filter(*columns) * self.noise.resolution
+            errors = self._once("grid errors", self._grid_errors)
+            self.kept[key] = row_filter(*errors) * self.noise.resolution
         return self.kept[key]
+
+    def _grid_errors(self) -> Array:
+        """The same before the filter, in steps / s²."""
+        angle = self.column("smooth angle") / self.noise.resolution
+        shifted = [angle + k / GRID_PHASES for k in range(GRID_PHASES)]
+        return np.array([curvature(np.rint(place) - place, self.grid.step) for place in shifted])
 
     def acting(self, channel: str, error: Array, values: Mapping[str, float]) -> Array:
         """Σ c ∂f/∂channel s of an error s of a channel at every row of the grid, with these coefficients (n,).
@@ -228,16 +234,10 @@ class OnGrid:
             "stribeck_speed": lambda: numbers[1] * stribeck_slope(self.column("smooth"), numbers[0]),
             "memory": lambda: self._impulses(self.motion.reversals[2]),
             "memory_equal": lambda: self._impulses(1.0 - self.motion.reversals[2]),
-            "grid error": lambda: self._grid_error(*numbers),
         }
         if name in of_name:
             return of_name[name]()
         return TERMS[name](self.column("smooth")) if name in TERMS else self._of_registry(name)
-
-    def _grid_error(self, phase: float) -> Array:
-        """Second derivative of the error by a grid that is shifted by a share of its step, in steps / s²."""
-        shifted = self.column("smooth angle") / self.noise.resolution + phase
-        return curvature(np.rint(shifted) - shifted, self.grid.step)
 
     def _of_registry(self, name: str) -> Array:
         """The regressor of a term of the registry, or its derivative by its shift."""

@@ -144,8 +144,8 @@ class Recursion:
         common = [(systematic(TIMING), name, float(u)) for name, u in zip(names, timing, strict=True)]
         evaluated = evaluate(values, scattered, common, declared, () if known else values, relative)
         # the inertia of one swing, less the friction of all swings
-        regressor, left = block.columns[:, 0], block.target - block.columns @ solution.values
-        alone = values["inertia"][0] + float(regressor @ left / (regressor @ regressor))
+        regressor, residuals = block.columns[:, 0], block.target - block.columns @ solution.values
+        alone = values["inertia"][0] + float(regressor @ residuals / (regressor @ regressor))
         self._squares += (alone - values["inertia"][0]) ** 2
         spread = float(np.sqrt(self._squares / (self.swings - 1))) if known else None
         return SwingEstimate(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from swingid.balance.fits import known_side
 from swingid.balance.friction_laws import TERMS, Law, curve_speeds, parameters_of
 from swingid.balance.perturbations import propagated
 from swingid.methods.energy.chain import Chain
@@ -132,8 +133,9 @@ def _per_swing(estimate: EnergyEstimate) -> SwingSeries:
     """One inertia per turning point: that of its pair, or of its block less the fitted friction."""
     fit, rows, values = estimate.fit, estimate.fit.rows, estimate.each
     if values is None:
-        left, regressor = rows.blocks(fit.fit.residuals), rows.blocks(rows.within(rows["inertia"]))
-        values = fit.a11 + (left * regressor).sum(axis=1) / (regressor * regressor).sum(axis=1)
+        remainder = known_side(rows, fit.equation) - rows.sum_of({name: fit.value(name) for name in fit.unknowns[1:]})
+        energy, speed = (rows.blocks(rows.within(x)) for x in (remainder, rows["inertia"]))
+        values = (energy * speed).sum(axis=1) / (speed * speed).sum(axis=1)
     expected = float(np.sqrt(fit.sensor * len(rows.instants)))
     return SwingSeries.of(estimate.passes.turning, estimate.passes.sides, values - fit.equation.carried, expected)
 

@@ -78,12 +78,13 @@ def details(selected: Selection, span: tuple[float, float]) -> Details:
 def _per_swing(fit: RowFit) -> SwingSeries:
     """One inertia per turning point: from the rows within a quarter period, less the fitted friction."""
     motion, regressor = fit.part.motion, fit.rows["inertia"]
+    remainder = fit.fit.residuals + fit.a11 * regressor
     nearest = np.searchsorted((motion.turning_times[1:] + motion.turning_times[:-1]) / 2, fit.rows.windows.centres)
     count = len(motion.turning_times)
     power = np.bincount(nearest, fit.weights * regressor**2, count)
-    left = np.bincount(nearest, fit.weights * regressor * fit.fit.residuals, count)
+    work = np.bincount(nearest, fit.weights * regressor * remainder, count)
     full = power > 0.5 * np.median(power)
-    values = fit.inertia + left[full] / power[full]
+    values = work[full] / power[full] - fit.equation.carried
     return SwingSeries.of(motion.turning_times[full], motion.sides[full], values)
 
 

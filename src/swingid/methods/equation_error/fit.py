@@ -84,15 +84,14 @@ class RowFit(WindowFit):
         rows = self.rows.select(used)
         return WindowFit(self.unknowns, fit, self.covariance, rows, self.equation, self.noise, self.half)
 
-    def of(self, unknown: str) -> Array:
-        """Weights of the unknowns in this one (p,)."""
-        weights: Array = np.eye(len(self.unknowns))[self.unknowns.index(unknown)]
-        return weights
+    def of(self, unknown: str) -> Combination:
+        """An unknown as a combination of all."""
+        return Combination(self, np.eye(len(self.unknowns))[self.unknowns.index(unknown)])
 
     @cached_property
     def of_inertia(self) -> Combination:
         """The inertia a11."""
-        return Combination(self, self.of("inertia"))
+        return self.of("inertia")
 
     @cached_property
     def white_products(self) -> Array:
@@ -115,7 +114,7 @@ class RowFit(WindowFit):
             share = abs(float(self.inverse[k, 0] / self.inverse[0, 0])) if k else 1.0
             errors["noise in the acceleration (least squares)"] = abs(self.a11) * self.bias * share
         if self.noise.resolution > 0:
-            errors["place of the encoder's grid"] = rms(self.grid_effects(unknown))
+            errors["place of the encoder's grid"] = rms(self.of(unknown).grid)
         return errors
 
     @cached_property
@@ -155,28 +154,9 @@ class RowFit(WindowFit):
             unsure=spread * self.scattered,
         )
 
-    def grid_effects(self, unknown: str = "inertia") -> Array:
-        """Errors of an unknown at eight grid phases of the encoder (`systematics.grid_spread`); 0 without a grid.
-
-        They repeat at every swing, so those of the instruments are correlated with those of the row.
-        """
-        if not self.noise.resolution > 0:
-            return np.zeros(1)
-        k, errors = self.unknowns.index(unknown), self.part.grid_errors(self.row_filter)
-        effects: Array = errors @ self.fit.influence[k]
-        if self.lag:
-            pairs = self.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
-            effects = effects + self.inverse[k, 0] * pairs.sum(axis=1)
-        return effects * abs(self.a11)
-
-    def spread(self, unknown: str) -> float:
-        """Standard uncertainty of an unknown from the scatter, the sensors' noise and the grid phase."""
-        combination = self.of_inertia if unknown == "inertia" else Combination(self, self.of(unknown))
-        return float(np.hypot(np.sqrt(combination.variance), rms(self.grid_effects(unknown))))
-
     def relative_with_bias(self) -> float:
         """Standard uncertainty of a11 by the sensors, lack of fit and attenuation, as a share of its magnitude."""
-        return self.relative(float(np.hypot(self.spread("inertia"), self.a11 * self.attenuation)))
+        return self.relative(float(np.hypot(self.of_inertia.spread, self.a11 * self.attenuation)))
 
     def contradicted(self, other: RowFit) -> float:
         """Dark uncertainty by the difference to another fit of the same log, beyond what explains it.
@@ -193,7 +173,7 @@ class RowFit(WindowFit):
         Both fits are linear in the same noise, so its effect on their difference is known, that of the grid too.
         """
         noise = self.of_inertia.per_sample - other.of_inertia.per_sample
-        variance = float(np.vdot(noise, noise)) + rms(self.grid_effects() - other.grid_effects()) ** 2
+        variance = float(np.vdot(noise, noise)) + rms(self.of_inertia.grid - other.of_inertia.grid) ** 2
         if self.lag == 0:
             variance += (self.a11 * (self.bias - other.bias)) ** 2
         return variance
@@ -243,6 +223,27 @@ class Combination:
     def variance(self) -> float:
         """Type A variance."""
         return self.white + self.beyond
+
+    @cached_property
+    def grid(self) -> Array:
+        """Errors at eight grid phases of the encoder (`systematics.grid_spread`); 0 without a grid.
+
+        They repeat at every swing, so those of the instruments are correlated with those of the row.
+        """
+        fit = self.fit
+        if not fit.noise.resolution > 0:
+            return np.zeros(1)
+        errors = fit.part.grid_errors(fit.row_filter)
+        effects: Array = errors @ self.influence
+        if fit.lag:
+            pairs = fit.weights[fit.lag :] * errors[:, fit.lag :] * errors[:, : -fit.lag]
+            effects = effects + (self.weights @ fit.inverse[:, 0]) * pairs.sum(axis=1)
+        return effects * abs(fit.a11)
+
+    @property
+    def spread(self) -> float:
+        """Standard uncertainty from the scatter, the sensors' noise and the grid phase."""
+        return float(np.hypot(np.sqrt(self.variance), rms(self.grid)))
 
     @property
     def freedom(self) -> float:

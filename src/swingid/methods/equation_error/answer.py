@@ -11,7 +11,7 @@ from swingid.balance.errors import constant_error
 from swingid.balance.friction_laws import curve_speeds, parameters_of
 from swingid.balance.perturbations import SHAPES, RowError, channel_of, of_channels, of_constants, propagated
 from swingid.methods.equation_error.estimate import Selection
-from swingid.methods.equation_error.fit import Combination, RowFit
+from swingid.methods.equation_error.fit import RowFit
 from swingid.methods.equation_error.grid import slope
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of
@@ -30,11 +30,11 @@ def answer(selected: Selection, rig: Rig) -> Evaluated:
         values["stribeck_speed"] = change + law.stribeck_speed, unit
     combinations = np.array(list(weights.values()))
     declared = propagated(_errors(rig, fit), fit.fit.influence, combinations)
-    each = [fit.of_inertia if name == "inertia" else Combination(fit, row) for name, row in weights.items()]
+    each = [fit.of_inertia if name == "inertia" else fit.combination(row) for name, row in weights.items()]
     spread = np.sqrt([combination.variance for combination in each])
     scatters = combinations @ fit.covariance @ combinations.T
     scale_of = spread / np.sqrt(np.maximum(np.diag(scatters), 1e-300))
-    freedom = np.array([combination.freedom for combination in each])
+    freedom = np.array([fit.freedom_of(combination) for combination in each])
     scattered = Scatter(SCATTER, scatters * np.outer(scale_of, scale_of), freedom)
     return evaluate(values, scattered, selected.common, declared, relative=rig.axis.model_uncertainty)
 

@@ -58,6 +58,35 @@ OF_DIRECTION = ("coulomb", "stribeck", "stribeck_speed", "offset", *IMPULSES)
 """Regressors of the direction of motion: without noise except at the reversals, so their own instruments."""
 
 
+@dataclass(frozen=True)
+class Combination:
+    """What the type A variance of a combination of the unknowns of a fit is made of.
+
+    influence (rows,): of the rows. per_sample (2, n): contribution of the noise of each sample of both angles. beyond:
+    variance by lack of fit, that of the scatter beyond white noise. grid (8,): errors at eight grid phases.
+    """
+
+    influence: Array
+    per_sample: Array
+    beyond: float
+    grid: Array
+
+    @property
+    def white(self) -> float:
+        """Variance by white noise of both angles."""
+        return float(np.vdot(self.per_sample, self.per_sample))
+
+    @property
+    def variance(self) -> float:
+        """Type A variance."""
+        return self.white + self.beyond
+
+    @property
+    def spread(self) -> float:
+        """Standard uncertainty from the scatter, the sensors' noise and the grid phase."""
+        return float(np.hypot(np.sqrt(self.variance), rms(self.grid)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class RowFit(WindowFit):
     """A fit of filtered rows, with what its uncertainty depends on.
@@ -86,12 +115,47 @@ class RowFit(WindowFit):
 
     def of(self, unknown: str) -> Combination:
         """An unknown as a combination of all."""
-        return Combination(self, np.eye(len(self.unknowns))[self.unknowns.index(unknown)])
+        return self.combination(np.eye(len(self.unknowns))[self.unknowns.index(unknown)])
 
     @cached_property
     def of_inertia(self) -> Combination:
         """The inertia a11."""
         return self.of("inertia")
+
+    def combination(self, weights: Array) -> Combination:
+        """The combination of the unknowns with these weights (p,).
+
+        The scatter of the rows over a finite time also contains power of the differentiated noise at frequencies beside
+        the motion's. The expected power of the noise there is subtracted, and one standard deviation of it: the
+        difference is never negative, so its fluctuation would widen it.
+        """
+        influence, noise = weights @ self.fit.influence, self.noise
+        of_rows, channels = self.row_filter.adjoint(influence), (("angle", noise.angle), ("wheel", noise.wheel))
+        samples = [std * self.part.acting(channel, of_rows, self.coefficients) for channel, std in channels]
+        smeared = float(self.white_products @ autocorrelation(influence, self.reach))
+        # number of independent stretches of a Parzen kernel, as in `hac_covariance`
+        chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.weights)))
+        beyond = max(float(weights @ self.covariance @ weights) - smeared - float(chance), 0.0)
+        return Combination(influence, np.array(samples), beyond, self._grid(influence, weights))
+
+    def freedom_of(self, combination: Combination) -> float:
+        """Degrees of freedom of the variance: those of its part beyond the white noise of both angles."""
+        rows = scatter_freedom(combination.influence, parzen(self.reach), len(self.unknowns))
+        return effective_freedom(((combination.white**0.5, math.inf), (combination.beyond**0.5, rows)))
+
+    def _grid(self, influence: Array, weights: Array) -> Array:
+        """Errors at eight grid phases of the encoder (`systematics.grid_spread`); 0 without a grid.
+
+        They repeat at every swing, so those of the instruments are correlated with those of the row.
+        """
+        if not self.noise.resolution > 0:
+            return np.zeros(1)
+        errors = self.part.grid_errors(self.row_filter)
+        effects: Array = errors @ influence
+        if self.lag:
+            pairs = self.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
+            effects = effects + (weights @ self.inverse[:, 0]) * pairs.sum(axis=1)
+        return effects * abs(self.a11)
 
     @cached_property
     def white_products(self) -> Array:
@@ -114,7 +178,7 @@ class RowFit(WindowFit):
             share = abs(float(self.inverse[k, 0] / self.inverse[0, 0])) if k else 1.0
             errors["noise in the acceleration (least squares)"] = abs(self.a11) * self.bias * share
         if self.noise.resolution > 0:
-            errors["place of the encoder's grid"] = rms(self.of(unknown).grid)
+            errors["place of the encoder's grid"] = rms((self.of(unknown) if k else self.of_inertia).grid)
         return errors
 
     @cached_property
@@ -177,79 +241,6 @@ class RowFit(WindowFit):
         if self.lag == 0:
             variance += (self.a11 * (self.bias - other.bias)) ** 2
         return variance
-
-
-@dataclass(frozen=True, eq=False)
-class Combination:
-    """A combination of the unknowns of a fit, weights (p,), and its type A variance."""
-
-    fit: RowFit
-    weights: Array
-
-    @cached_property
-    def influence(self) -> Array:
-        """Influence of each row (rows,)."""
-        influence: Array = self.weights @ self.fit.fit.influence
-        return influence
-
-    @cached_property
-    def per_sample(self) -> Array:
-        """Contribution of the noise of each sample of both angles, (2, n)."""
-        fit, noise = self.fit, self.fit.noise
-        weights = fit.row_filter.adjoint(self.influence)
-        channels = (("angle", noise.angle), ("wheel", noise.wheel))
-        return np.array([std * fit.part.acting(channel, weights, fit.coefficients) for channel, std in channels])
-
-    @cached_property
-    def white(self) -> float:
-        """Variance by white noise of both angles."""
-        return float(np.vdot(self.per_sample, self.per_sample))
-
-    @cached_property
-    def beyond(self) -> float:
-        """Variance by lack of fit: by the scatter of the rows beyond that of white noise.
-
-        The scatter of the rows over a finite time also contains power of the differentiated noise at frequencies beside
-        the motion's. The expected power of the noise there is subtracted, and one standard deviation of it: the
-        difference is never negative, so its fluctuation would widen it.
-        """
-        fit = self.fit
-        smeared = float(fit.white_products @ autocorrelation(self.influence, fit.reach))
-        # number of independent stretches of a Parzen kernel, as in `hac_covariance`
-        chance = smeared * np.sqrt(2 * (fit.reach + 1) / (1.85 * np.count_nonzero(fit.weights)))
-        return max(float(self.weights @ fit.covariance @ self.weights) - smeared - float(chance), 0.0)
-
-    @property
-    def variance(self) -> float:
-        """Type A variance."""
-        return self.white + self.beyond
-
-    @cached_property
-    def grid(self) -> Array:
-        """Errors at eight grid phases of the encoder (`systematics.grid_spread`); 0 without a grid.
-
-        They repeat at every swing, so those of the instruments are correlated with those of the row.
-        """
-        fit = self.fit
-        if not fit.noise.resolution > 0:
-            return np.zeros(1)
-        errors = fit.part.grid_errors(fit.row_filter)
-        effects: Array = errors @ self.influence
-        if fit.lag:
-            pairs = fit.weights[fit.lag :] * errors[:, fit.lag :] * errors[:, : -fit.lag]
-            effects = effects + (self.weights @ fit.inverse[:, 0]) * pairs.sum(axis=1)
-        return effects * abs(fit.a11)
-
-    @property
-    def spread(self) -> float:
-        """Standard uncertainty from the scatter, the sensors' noise and the grid phase."""
-        return float(np.hypot(np.sqrt(self.variance), rms(self.grid)))
-
-    @property
-    def freedom(self) -> float:
-        """Degrees of freedom of `variance`: those of its part beyond the white noise of both angles."""
-        rows = scatter_freedom(self.influence, parzen(self.fit.reach), len(self.fit.unknowns))
-        return effective_freedom(((self.white**0.5, math.inf), (self.beyond**0.5, rows)))
 
 
 def noise_share(fit: RowFit, higher: RowFit) -> tuple[float, float]:

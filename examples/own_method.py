@@ -18,6 +18,8 @@ import numpy as np
 import swingid as sw
 from swingid.balance.errors import errors_of, sensitivities
 from swingid.balance.fits import WindowFit, column_noise, columns_of, covariance_of, fit_rows
+from swingid.balance.friction_laws import parameters_of
+from swingid.balance.perturbations import propagated
 from swingid.balance.rows import rows_of
 from swingid.balance.systematics import grid_spread
 from swingid.balance.windows import law_windows
@@ -25,7 +27,6 @@ from swingid.checks.momentum import MomentumCheck
 from swingid.checks.stated import CONFLICT
 from swingid.errors import UnanswerableError
 from swingid.methods.table import METHODS, Method
-from swingid.model.terms import units_on
 from swingid.numerics.regression import LinearFit
 from swingid.preparation.prepared import Prepared
 from swingid.result.result import Details, Result
@@ -79,12 +80,11 @@ def compensated(check: MomentumCheck) -> Result:
 
 def _evaluated(fit: WindowFit, prepared: Prepared, errors: list, common: dict[str, float]) -> Evaluated:
     """Inertia and sought coefficients with their budget: scatter, what it lacks, what the rig file states."""
-    units = units_on(linear=fit.equation.linear)
-    values = {"inertia": (fit.inertia, fit.equation.unit)}
-    values |= {name: (fit.value(name), units[name]) for name in fit.equation.sought[1:]}
-    at = [fit.unknowns.index(name) for name in values]
-    declared = [error.on(fit.fit.influence[at] @ error.rows) for error in errors]
-    scatter = Scatter("scatter of the windows", fit.covariance[np.ix_(at, at)], np.full(len(at), fit.freedom))
+    values, weights = parameters_of(fit, ())
+    of_unknowns = np.array(list(weights.values()))
+    declared = propagated(errors, fit.fit.influence, of_unknowns)
+    covariance = of_unknowns @ fit.covariance @ of_unknowns.T
+    scatter = Scatter("scatter of the windows", covariance, np.full(len(values), fit.freedom))
     beyond = [(systematic(source), "inertia", spread) for source, spread in common.items()]
     evaluated = evaluate(values, scatter, beyond, declared, relative=prepared.rig.axis.model_uncertainty)
     return replace(evaluated, sensitivities=sensitivities(fit.rows, fit.equation, fit.fit.influence[0]))

@@ -59,15 +59,18 @@ class Effect:
 
 @dataclass(frozen=True)
 class NamedFit:
-    """A linear fit with named unknowns, "inertia" first; a11 is that of the whole axis, the covariance of type A."""
+    """A linear fit of rows, "inertia" the first unknown: a11 of the whole axis; the covariance is of type A."""
 
     unknowns: tuple[str, ...]
     fit: LinearFit
     covariance: Array
+    rows: Rows
+    equation: Equation
 
     def value(self, name: str) -> float:
-        """Value of an unknown, 0 where it was not fitted."""
-        return float(self.fit.values[self.unknowns.index(name)]) if name in self.unknowns else 0.0
+        """Value of a coefficient, fitted or stated; 0 where the balance does not have it."""
+        known = name in self.unknowns
+        return float(self.fit.values[self.unknowns.index(name)]) if known else self.equation.value(name)
 
     def uncertainty(self, name: str) -> float:
         """Type A standard uncertainty of an unknown."""
@@ -84,10 +87,20 @@ class NamedFit:
         """Fitted values by the names of the unknowns."""
         return dict(zip(self.unknowns, self.fit.values.tolist(), strict=True))
 
+    @cached_property
+    def coefficients(self) -> dict[str, float]:
+        """All coefficients by the names of their terms, stated and fitted."""
+        return self.equation.stated | self.values
+
     @property
     def a11(self) -> float:
         """Inertia of the whole axis, a11 = J1 + J2 + Jr."""
         return float(self.fit.values[0])
+
+    @property
+    def inertia(self) -> float:
+        """Inertia J1 of the body."""
+        return self.a11 - self.equation.carried
 
     @property
     def u(self) -> float:
@@ -105,8 +118,6 @@ class WindowFit(NamedFit):
     declared.
     """
 
-    rows: Rows
-    equation: Equation
     noise: Noise
     half: float
     declared: tuple[Effect, ...] = ()
@@ -118,15 +129,6 @@ class WindowFit(NamedFit):
     def friction(self) -> tuple[str, ...]:
         """The unknowns that are no terms of the rig's equation: friction, and what was fitted beside it."""
         return tuple(name for name in self.unknowns if name not in self.equation.coefficients)
-
-    def value(self, name: str) -> float:
-        """Value of a coefficient, fitted or stated; 0 where the balance does not have it."""
-        return super().value(name) if name in self.unknowns else self.equation.value(name)
-
-    @cached_property
-    def coefficients(self) -> dict[str, float]:
-        """All coefficients by the names of their terms, stated and fitted."""
-        return self.equation.stated | self.values
 
     @cached_property
     def columns(self) -> Array:
@@ -158,11 +160,6 @@ class WindowFit(NamedFit):
     def kept(self) -> dict[str, Any]:
         """What follows from this fit and is needed again, by name."""
         return {}
-
-    @property
-    def inertia(self) -> float:
-        """Inertia J1 of the body."""
-        return self.a11 - self.equation.carried
 
     @property
     def freedom(self) -> float:

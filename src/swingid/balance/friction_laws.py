@@ -16,9 +16,11 @@ from functools import cache
 
 import numpy as np
 
+from swingid.balance.fits import NamedFit
 from swingid.balance.rows import Rows, Signals, Windows
 from swingid.errors import UsageError
 from swingid.model import shapes, terms
+from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.test_functions import project_hats
 from swingid.result.data import FrictionCurve
@@ -142,6 +144,20 @@ def parameter_weights(terms: tuple[str, ...]) -> dict[str, Array]:
     if "offset" in unit and not (directed and "coulomb" in unit):
         weights["offset"] = unit["offset"]
     return weights
+
+
+def parameters_of(fit: NamedFit, terms: tuple[str, ...]) -> tuple[dict[str, tuple[float, str]], dict[str, Array]]:
+    """What a fit seeks of its equation, and its parameters of friction of these terms: values with units, by name.
+
+    Also their weights on the unknowns, of the inertia those of a11.
+    """
+    unit = dict(zip(fit.unknowns, np.eye(len(fit.unknowns)), strict=True))
+    weights = {name: unit[name] for name in fit.unknowns if fit.equation.seeks(name)}
+    columns = np.array([unit[name] for name in terms])
+    weights |= {name: row @ columns for name, row in parameter_weights(terms).items()}
+    units = units_on(linear=fit.equation.linear)
+    values = {name: (float(row @ fit.fit.values), units[name]) for name, row in weights.items()}
+    return values | {"inertia": (fit.inertia, units["inertia"])}, weights
 
 
 @dataclass(frozen=True)

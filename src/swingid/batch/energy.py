@@ -81,19 +81,10 @@ def running(v1: Array, v2: Array, wheel: Array, voltage: Array, step: float, con
 
 
 @njit_sums
-def extent(values: Array) -> float:
-    """Largest less smallest of `values` (rows,)."""
-    widest()
-    low, high = values[0], values[0]
-    for j in range(len(values)):
-        low, high = min(low, values[j]), max(high, values[j])
-    return float(high - low)
-
-
-@njit_sums
 def turning_points(angle: Array, v: Array, first: int, last: int, turns: Ints) -> int:
     """Samples nearest to the reversals of v between first and last into `turns`; returns how many were found."""
-    threshold, count = SMALLEST_SWING * extent(angle[first:last]), 0
+    used, count = angle[first:last], 0
+    threshold = SMALLEST_SWING * (used.max() - used.min())
     for j in range(first, last - 1):
         if v[j] * v[j + 1] > 0.0 or v[j + 1] == 0.0:
             continue

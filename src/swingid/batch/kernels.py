@@ -16,8 +16,8 @@ from swingid.numerics.spline import kinked_slopes, local_cubic
 from swingid.numerics.test_functions import phi
 from swingid.numerics.vectors import njit_sums, njit_sums_threads, sine_cosine, widest
 
-INERTIA, GRAVITY, WHEEL, VISCOUS, COULOMB, QUADRATIC, OFFSET, EVEN, LATE, COLUMNS = range(10)
-"""Places of the columns: integrals of phi'' q1, phi sin q1, phi'' q2, phi v, phi sgn v, phi v|v|, phi, phi |v|, and
+INERTIA, COULOMB, VISCOUS, QUADRATIC, OFFSET, EVEN, GRAVITY, WHEEL, LATE, COLUMNS = range(10)
+"""Places of the columns: integrals of phi'' q1, phi sgn v, phi v, phi v|v|, phi, phi |v|, phi sin q1, phi'' q2, and
 what is added to that of phi sgn v if all reversals are one standard uncertainty later."""
 
 

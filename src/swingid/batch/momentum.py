@@ -27,17 +27,7 @@ from swingid.preparation.speed import SHARE
 from swingid.processes import cores
 
 UNKNOWNS = ("inertia", *BASIS)
-"""a11 of the whole axis, then the terms of friction."""
-
-PLACES = {
-    "inertia": kernels.INERTIA,
-    "coulomb": kernels.COULOMB,
-    "viscous": kernels.VISCOUS,
-    "quadratic": kernels.QUADRATIC,
-    "offset": kernels.OFFSET,
-    "viscous_even": kernels.EVEN,
-}
-"""Columns of the unknowns."""
+"""a11 of the whole axis, then the terms of friction: the first columns, in this order."""
 
 REVERSAL = 0.5 / SHARE
 """Half-width of the cubics for reversals, in that of the plan: half of that for speeds, as for a single log."""
@@ -66,7 +56,7 @@ def momentum_batch(
     ends = len(speed) - 1  # samples at both ends without a speed
     first, last = max(ends, round(plan.start * rate)), min(rows - 1 - ends, round(plan.stop * rate))
     windows = (last - first - 2 * reach) // (reach // 2) + 1
-    if windows < 2 * LAG or windows <= LAG / 2 * len(PLACES):
+    if windows < 2 * LAG or windows <= LAG / 2 * len(UNKNOWNS):
         text = f"only {max(windows, 0)} windows fit into the logs; record longer ones."
         raise UnanswerableError(text, code="too-short")
     columns = np.empty((len(angle), windows, kernels.COLUMNS))
@@ -93,7 +83,7 @@ def _fitted(columns: Array, stiffness: Array, equation: Equation, plan: Plan, wi
         -equation.value("wheel") * columns[:, :, kernels.WHEEL]
         - equation.value("gravity_torque") * columns[:, :, kernels.GRAVITY]
     )
-    fit = fit_linear(columns[:, :, [PLACES[name] for name in UNKNOWNS]], known)
+    fit = fit_linear(columns[:, :, : len(UNKNOWNS)], known)
     rows = Rows(windows, {}, {"gravity_torque": stiffness})
     alone = replace(fit, influence=fit.influence[:, :1])  # of the inertia
     variance = covariance_of(alone, rows, UNKNOWNS, equation, Noise(plan.noise, plan.wheel_noise, step))[0][:, 0, 0]

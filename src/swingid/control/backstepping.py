@@ -141,11 +141,6 @@ class Backstepping(SampledController):
     alpha3: float = 1.0
     least: float = 1e-6
     observers: tuple[VelocityObserver, VelocityObserver] = (VelocityObserver(), VelocityObserver())
-    coulomb_voltage: float = 0.0
-    dead_zone_voltage: tuple[float, float] = (0.0, 0.0)
-    back_emf_ratio: float = 0.0
-    voltage_limit: float | None = None
-    sample_time: float = 1e-3
 
     _kernel = staticmethod(backstepping_step)
 

@@ -79,15 +79,10 @@ class Compensator(SampledController):
     filter_time: float = 0.0125
     alpha: tuple[float, ...] = (1.0, 1.0)
     k: tuple[float, ...] = (1.0,)
-    voltage_limit: float | None = None
-    coulomb_voltage: float = 0.0
-    dead_zone_voltage: tuple[float, float] = (0.0, 0.0)
-    back_emf_ratio: float = 0.0
     dead_zone_switch: Literal["exact", "printed"] = "exact"
     plant_sign: int = -1
     differentiate_gain: bool = True
     wheel_filter_time: float = 0.0
-    sample_time: float = 1e-3
 
     _kernel = staticmethod(compensator_step)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, ClassVar, TypedDict
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -18,33 +19,24 @@ if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
 
 
-class MotorVoltages(TypedDict):
-    """f3/(c1 eta) (V) of u1, (d2, d1)/(c1 eta) (V) of u3 (12), c2/c1 (V s/rad), the limit of u0 (V) or None."""
-
-    coulomb_voltage: float
-    dead_zone_voltage: tuple[float, float]
-    back_emf_ratio: float
-    voltage_limit: float | None
-
-
-def motor_voltages(rig: Rig) -> MotorVoltages:
-    """The voltages of a rig's motor; without a wheel nothing is compensated, and only the limit is set.
+def motor_voltages(rig: Rig) -> dict[str, Any]:
+    """The fields of `SampledController` for a rig's motor; without a wheel nothing is compensated, only the limit set.
 
     Raises InputError for a wheel whose motor gives no torque per volt.
     """
     motor = rig.drive.motor
     limit = None if motor is None else motor.voltage_limit
     if motor is None or rig.drive.wheel is None:
-        return MotorVoltages(coulomb_voltage=0.0, dead_zone_voltage=(0.0, 0.0), back_emf_ratio=0.0, voltage_limit=limit)
+        return {"voltage_limit": limit}
     require_torque(rig)
     c1, eta = motor.torque_per_volt.value, motor.efficiency.value
     d2, d1 = motor.dead_zone
-    return MotorVoltages(
-        coulomb_voltage=motor.coulomb.value / (c1 * eta),
-        dead_zone_voltage=(d2 / (c1 * eta), d1 / (c1 * eta)),
-        back_emf_ratio=motor.back_emf.value / c1,
-        voltage_limit=limit,
-    )
+    return {
+        "coulomb_voltage": motor.coulomb.value / (c1 * eta),
+        "dead_zone_voltage": (d2 / (c1 * eta), d1 / (c1 * eta)),
+        "back_emf_ratio": motor.back_emf.value / c1,
+        "voltage_limit": limit,
+    }
 
 
 def require_torque(rig: Rig) -> None:
@@ -55,14 +47,18 @@ def require_torque(rig: Rig) -> None:
         raise InputError(message, code="no-torque")
 
 
+@dataclass(frozen=True, kw_only=True)
 class SampledController(ABC):
-    """A controller with a compiled step; voltages, limit and `sample_time` (s) are fields of the controllers."""
+    """A controller with a compiled step: f3/(c1 eta) (V) of u1, (d2, d1)/(c1 eta) (V) of u3 (12), c2/c1 (V s/rad).
 
-    voltage_limit: float | None
-    coulomb_voltage: float
-    dead_zone_voltage: tuple[float, float]
-    back_emf_ratio: float
-    sample_time: float
+    voltage_limit: of u0 (V), None for none. sample_time (s): used by `step` alone.
+    """
+
+    voltage_limit: float | None = None
+    coulomb_voltage: float = 0.0
+    dead_zone_voltage: tuple[float, float] = (0.0, 0.0)
+    back_emf_ratio: float = 0.0
+    sample_time: float = 1e-3
     _kernel: ClassVar[Callable[..., float]]
 
     @abstractmethod

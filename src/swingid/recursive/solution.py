@@ -75,6 +75,7 @@ class Recursion:
     _moments: Array = field(init=False)
     _crossed: Array = field(init=False)
     _sensor: Array = field(init=False)
+    _squares: float = 0.0
     _before: Block | None = None
     _sums: Array | None = None
 
@@ -122,6 +123,41 @@ class Recursion:
         if impulse.terms:
             return full
         return replace(plain, timing=np.abs(plain.inverse @ self._gram[:, k]) * impulse.left)
+
+    def estimate(self, block: Block, relative: float, skipped: int, lost: int) -> SwingEstimate:
+        """The estimate after `block`, the last one taken, with the scatter of single swings; relative: see `evaluate`.
+
+        skipped, lost: rows and swings without an estimate so far.
+        """
+        solution, equation = self.solution(), self.equation
+        units = units_on(linear=equation.linear)
+        names = [name for name in dict.fromkeys(("inertia", *PLAIN, *equation.sought)) if name in block.unknowns]
+        at = [block.unknowns.index(name) for name in names]
+        values = {name: (float(solution.values[k]), units[name]) for name, k in zip(names, at, strict=True)}
+        values["inertia"] = values["inertia"][0] - equation.carried, units["inertia"]
+        known, scattered = solution.covariance is not None, None
+        if solution.covariance is not None:
+            freedom = np.full(len(at), solution.freedom)
+            scattered = Scatter(SCATTER, solution.covariance[np.ix_(at, at)], freedom)
+        declared = propagated(self.errors.values(), solution.inverse[at])
+        timing = np.zeros(len(at)) if solution.timing is None else solution.timing[at]
+        common = [(systematic(TIMING), name, float(u)) for name, u in zip(names, timing, strict=True)]
+        evaluated = evaluate(values, scattered, common, declared, () if known else values, relative)
+        # the inertia of one swing, less the friction of all swings
+        regressor, residuals = block.columns[:, 0], block.target - block.columns @ solution.values
+        alone = values["inertia"][0] + float(regressor @ residuals / (regressor @ regressor))
+        self._squares += (alone - values["inertia"][0]) ** 2
+        spread = float(np.sqrt(self._squares / (self.swings - 1))) if known else None
+        return SwingEstimate(
+            swing=self.swings,
+            time=block.time,
+            side=block.side,
+            swing_inertia=Parameter.of(alone, spread, equation.unit),
+            parameters=evaluated.parameters,
+            budget=tuple(evaluated.budget),
+            rows_skipped=skipped,
+            swings_lost=lost,
+        )
 
     def _impulse(self, signals: Signals, values: Array, fitted: tuple[float, float]) -> Impulse:
         """Return whether the impulse `fitted` (value, standard uncertainty) is an unknown; values: of the plain
@@ -221,45 +257,4 @@ class SwingEstimate:
         return (
             f"swing {self.swing} at {self.time:.2f} s: {self.swing_inertia.value:.6g}, "
             f"so far {self.inertia.value:.6g}{known} {self.inertia.unit}"
-        )
-
-
-@dataclass
-class Reporter:
-    """Makes estimates of solutions, with the scatter of single swings; relative: as in `evaluate`."""
-
-    relative: float
-    _squares: float = field(default=0.0)
-
-    def estimate(self, block: Block, recursion: Recursion, skipped: int, lost: int) -> SwingEstimate:
-        """The estimate after `block`, the last one that the recursion has taken."""
-        solution, equation = recursion.solution(), recursion.equation
-        units = units_on(linear=equation.linear)
-        names = [name for name in dict.fromkeys(("inertia", *PLAIN, *equation.sought)) if name in block.unknowns]
-        at = [block.unknowns.index(name) for name in names]
-        values = {name: (float(solution.values[k]), units[name]) for name, k in zip(names, at, strict=True)}
-        values["inertia"] = values["inertia"][0] - equation.carried, units["inertia"]
-        known, scattered = solution.covariance is not None, None
-        if solution.covariance is not None:
-            freedom = np.full(len(at), solution.freedom)
-            scattered = Scatter(SCATTER, solution.covariance[np.ix_(at, at)], freedom)
-        declared = propagated(recursion.errors.values(), solution.inverse[at])
-        timing = np.zeros(len(at)) if solution.timing is None else solution.timing[at]
-        common = [(systematic(TIMING), name, float(u)) for name, u in zip(names, timing, strict=True)]
-        evaluated = evaluate(values, scattered, common, declared, () if known else values, self.relative)
-        # the inertia of one swing, less the friction of all swings
-        regressor = block.columns[:, 0]
-        remainder = block.target - block.columns[:, 1:] @ solution.values[1:]
-        alone = float(regressor @ remainder / (regressor @ regressor)) - equation.carried
-        self._squares += (alone - values["inertia"][0]) ** 2
-        spread = float(np.sqrt(self._squares / (recursion.swings - 1))) if known else None
-        return SwingEstimate(
-            swing=recursion.swings,
-            time=block.time,
-            side=block.side,
-            swing_inertia=Parameter.of(alone, spread, equation.unit),
-            parameters=evaluated.parameters,
-            budget=tuple(evaluated.budget),
-            rows_skipped=skipped,
-            swings_lost=lost,
         )

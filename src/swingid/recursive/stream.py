@@ -17,7 +17,7 @@ from swingid.preparation.scale import equation_of, refuse_motor, refuse_rates, r
 from swingid.recording.recording import Recording
 from swingid.recursive.blocks import Block, energy_block, momentum_block
 from swingid.recursive.rows import Reader, Row, SwingBuffer
-from swingid.recursive.solution import Recursion, Reporter, SwingEstimate
+from swingid.recursive.solution import Recursion, SwingEstimate
 
 Maker = Callable[[Recording, Rig, Equation, Noise, Motion, Encoders, int], Block | None]
 
@@ -98,7 +98,6 @@ class Estimator:
         self.swings = Swings(rig, method)
         self.recursion: Recursion | None = None
         self.waiting: list[Block] = []
-        self._reporter = Reporter(rig.axis.model_uncertainty)
 
     def push(self, samples: Iterable[object]) -> list[SwingEstimate]:
         """The estimates that further rows give: (t, angle, wheel_angle, voltage or torque), as of `online`."""
@@ -117,7 +116,8 @@ class Estimator:
                 self.recursion.add(early)
             self.waiting.clear()
         self.recursion.add(block)
-        estimate = self._reporter.estimate(block, self.recursion, swings.reader.skipped, swings.lost)
+        relative = swings.rig.axis.model_uncertainty
+        estimate = self.recursion.estimate(block, relative, swings.reader.skipped, swings.lost)
         _check_sign(estimate)
         yield estimate
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
-from swingid.balance.fits import LAG, with_excess
+from swingid.balance.fits import LAG, covariance_by
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import COMPARABLE
 from swingid.calibration.encoders.logs import CalibrationLog, LogRows
@@ -19,7 +19,7 @@ from swingid.calibration.encoders.parts import Part, with_parts
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.regression import Beside, fit_linear
 from swingid.preparation.scale import equation_of
 from swingid.progress import stepped
 from swingid.uncertainty.dark import dark_uncertainty, shrunk
@@ -156,68 +156,52 @@ def fit_jointly(logs: Sequence[LogRows], parts: Sequence[Part], current: Array) 
     """
     keys, size = [part.key for part in parts], len(parts)
     keys += sorted({key for log in logs for key in log.declared} - set(keys))
-    common = len(logs[0].fit.unknowns) - logs[0].own
-    shared = common + len(keys)
-    begins = shared + np.cumsum([0, *(log.own for log in logs)])
-    prior = np.eye(len(keys), begins[-1], common)
-    scale = np.array([part.prior for part in parts])
+    places = [slice(*ends) for ends in pairwise(accumulate((len(log.fit.known) for log in logs), initial=0))]
+    columns, declared = _columns(logs, places), np.zeros((places[-1].stop, len(keys)))
+    for log, rows in zip(logs, places, strict=True):
+        for key, effect in log.declared.items():
+            declared[rows, keys.index(key)] = effect
+    known, scale = np.concatenate([log.fit.known for log in logs]), np.array([part.prior for part in parts])
     means = np.append(-current / scale, np.zeros(len(keys) - size))
-    edges = np.cumsum([len(prior), *(len(log.fit.known) for log in logs)])
-    wide = [_wide(log, keys, begins[k], int(begins[-1])) for k, log in enumerate(logs)]
     errors = np.array([_error(log.fit.fit.residuals) for log in logs])
-    for turn in range(ROUNDS):
-        columns = [prior, *(block / error for block, error in zip(wide, errors, strict=True))]
-        targets = [means, *(log.fit.known / error for log, error in zip(logs, errors, strict=True))]
-        solved = fit_linear(np.vstack(columns), np.concatenate(targets))
-        residuals = [solved.residuals[a:b] for a, b in pairwise(edges)]
-        if turn < ROUNDS - 1:
-            errors = errors * np.array([_error(part) for part in residuals])
-    at = slice(common, common + size)
-    of_parts = solved.influence[at]
-    covariance = of_parts[:, : len(prior)] @ of_parts[:, : len(prior)].T
-    white, phases = np.zeros(size), np.zeros((1, size))
-    for k, log in enumerate(logs):
-        influence = of_parts[:, edges[k] : edges[k + 1]] / errors[k]
-        covariance = covariance + _scatter(log, influence, residuals[k] * errors[k])
-        white += log.sensor_noise(influence, grid=True)[0]
+    for _ in range(ROUNDS):
+        weights = np.repeat(1 / errors, [len(log.fit.known) for log in logs])
+        weighted = columns * weights[:, None]
+        beside = Beside.of(weighted, fit_linear(weighted, known * weights), declared * weights[:, None])
+        solved, before = beside.solved(np.ones(()), means), errors
+        errors = errors * np.array([_error(solved.residuals[rows]) for rows in places])
+    at = slice(columns.shape[1], columns.shape[1] + size)
+    priors = solved.influence[at, len(known) :]
+    covariance, white, phases = priors @ priors.T, np.zeros(size), np.zeros((1, size))
+    for log, rows, error in zip(logs, places, before, strict=True):
+        influence = solved.influence[at, rows] / error
+        covariance = covariance + covariance_by(log.fit, influence, solved.residuals[rows] * error)
+        white += log.grid_noise(influence)
         phases = phases + (log.grid @ influence.T if len(log.grid) else 0.0)
     # errors that repeat with the motion add variance; those that cancel in a quick motion take some away
     grid = np.asarray(shrunk(np.mean(phases**2, axis=0) - white, GRID_SPREAD * white))
     return Estimate(
         parts=tuple(parts),
-        common=solved.values[:common],
+        common=solved.values[: len(logs[0].fit.unknowns) - logs[0].own],
         values=solved.values[at] * scale,
         covariance=covariance * np.outer(scale, scale),
         grid=grid * scale**2,
         drift=np.zeros(size),
-        errors=errors,
+        errors=before,
     )
 
 
-def _wide(log: LogRows, keys: Sequence[str], begin: int, width: int) -> Array:
-    """Columns of one log among those of all logs; own: place of its friction."""
-    common, nothing = log.fit.columns.shape[1] - log.own, np.zeros(len(log.fit.known))
-    result = np.zeros((len(nothing), width))
-    result[:, :common] = log.fit.columns[:, :common]
-    result[:, common : common + len(keys)] = np.column_stack([log.declared.get(key, nothing) for key in keys])
-    result[:, begin : begin + log.own] = log.fit.columns[:, common:]
-    return result
+def _columns(logs: Sequence[LogRows], places: Sequence[slice]) -> Array:
+    """Columns of the unknowns that all logs have, then of the friction of each; places: its rows."""
+    common = len(logs[0].fit.unknowns) - logs[0].own
+    columns, begin = np.zeros((places[-1].stop, common + sum(log.own for log in logs))), common
+    for log, rows in zip(logs, places, strict=True):
+        columns[rows, :common] = log.fit.columns[:, :common]
+        columns[rows, begin : begin + log.own] = log.fit.columns[:, common:]
+        begin += log.own
+    return columns
 
 
 def _error(residuals: Array) -> float:
     """Standard deviation of a row, as of an independent one: rows of overlapping windows are correlated."""
     return max(float(np.sqrt(LAG / 2 * np.mean(residuals**2))), 1e-300)
-
-
-def _scatter(log: LogRows, influence: Array, residuals: Array) -> Array:
-    """Covariance (p, p) by noise of the log's sensors and by lack of fit of its rows; see `balance.fits`.
-
-    influence (p, rows): of the log's rows on the parts.
-    """
-    count = len(log.fit.unknowns)
-    covariance = LinearFit(np.zeros(count), residuals, influence, 1.0).covariance(LAG)
-    scattered = np.diag(covariance)
-    variances = with_excess(*log.sensor_noise(influence), scattered, max(len(residuals) - count, 1))
-    scale = np.sqrt(variances / np.maximum(scattered, 1e-300))
-    result: Array = np.where(np.eye(len(scattered)) > 0, np.diag(variances), covariance * np.outer(scale, scale))
-    return result

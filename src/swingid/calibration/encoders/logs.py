@@ -27,30 +27,27 @@ from swingid.recording.recording import Recording
 class LogRows:
     """The regression of one log, linear about the encoders as corrected so far.
 
-    fit: the rows, and the log's own fit of inertia, gravity where unknown, and friction. declared: effects on the rows
-    of the encoders' parts and of all else that the rig declares, by key, each of one (prior) standard deviation. grid
-    (8, rows): errors of the rows for eight phases of the encoder's grid, the same in every log, because the grid is
-    fixed to the encoder. values: of the coefficients, from which the effects were computed.
+    fit: the rows, and what the log's own fit leaves of them; its inertia, and gravity where unknown, are those of all
+    logs. declared: effects on the rows of the encoders' parts and of all else that the rig declares, by key, each of
+    one (prior) standard deviation. grid (8, rows): errors of the rows for eight phases of the encoder's grid, the same
+    in every log, because the grid is fixed to the encoder.
     """
 
     fit: WindowFit
     declared: dict[str, Array]
     grid: Array
-    values: dict[str, float]
 
     @property
     def own(self) -> int:
         """Number of the unknowns of this log alone, the last ones: its friction."""
         return len(self.fit.friction)
 
-    def sensor_noise(self, influence: Array, *, grid: bool = False) -> tuple[Array, Array]:
-        """Variances of unknowns (p,) by white noise of the sensors, and what Newey and West's sum makes of that noise.
-
-        influence (p, rows); grid: of the rounding errors of the angle's encoder instead, if they were white.
-        """
+    def grid_noise(self, influence: Array) -> Array:
+        """Variances of unknowns (p,), influence (p, rows), by the angle's rounding errors if these were white."""
         fit, noise = self.fit, self.fit.noise
-        noise = replace(noise, angle=noise.resolution / np.sqrt(12), wheel=0.0) if grid else noise
-        return sensor_variance(fit.rows, influence, self.values, noise)
+        rounding = replace(noise, angle=noise.resolution / np.sqrt(12), wheel=0.0)
+        variances: Array = sensor_variance(fit.rows, influence, fit.coefficients, rounding)[0]
+        return variances
 
 
 @dataclass(frozen=True)
@@ -104,16 +101,15 @@ class CalibrationLog:
         fit = fit_rows(rows, equation_of(rig), self.noise, friction)
         if fit is None:
             return None
-        values = fit.coefficients | {"inertia": a11, "gravity_torque": b}
-        declared = {
-            part_key(error): error.rows * error.std for error in errors_of(rows, signals, rig, fit.equation, values)
-        }
+        common = fit.values | {"inertia": a11, "gravity_torque": b}
+        fit = replace(fit, fit=replace(fit.fit, values=np.array([common[name] for name in fit.unknowns])))
+        errors = errors_of(rows, signals, rig, fit.equation, fit.coefficients)
+        declared = {part_key(error): error.rows * error.std for error in errors}
         if not signals.linear:
-            (zero,) = shaped_errors(rows, signals, "angle", [np.ones_like(signals.angle)], values).T
+            (zero,) = shaped_errors(rows, signals, "angle", [np.ones_like(signals.angle)], fit.coefficients).T
             declared["zero"] = zero * ZERO
         grid = np.zeros((0, len(rows)))
         if self.noise.resolution:
-            errors = signals.grid_errors(self.noise.resolution) / signals.nodes.flat[1]
-            shapes = errors.reshape(-1, *signals.angle.shape)
-            grid = shaped_errors(rows, signals, "angle", shapes, values).T
-        return LogRows(fit, declared, grid, values)
+            shapes = signals.grid_errors(self.noise.resolution) / signals.nodes.flat[1]
+            grid = shaped_errors(rows, signals, "angle", shapes.reshape(-1, *signals.angle.shape), fit.coefficients).T
+        return LogRows(fit, declared, grid)

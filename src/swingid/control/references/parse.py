@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any, TypeVar
+from typing import Any
 
 from swingid.control.references.base import Reference, refused, require_axis
 from swingid.control.references.motions import Chirp, Multisine, Sine, Strokes, Triangle
@@ -72,8 +72,9 @@ def parse_reference(text: str, unit: str = "rad") -> Reference:
     if kind not in EXAMPLES:
         raise _bad(text, "sine", f"it must begin with one of {', '.join(EXAMPLES)}")
     if kind == "multisine":
-        return Multisine(tuple(_motion(Sine, text, kind, part, unit) for part in re.split(r"\s\+\s", rest)))
-    return _motion(_KINDS[kind], text, kind, rest, unit)
+        return Multisine(tuple(_motion(text, kind, part, unit) for part in re.split(r"\s\+\s", rest)))
+    motion: Reference = _motion(text, kind, rest, unit)
+    return motion
 
 
 def reference_for(text: str, rig: Rig) -> Reference:
@@ -85,30 +86,23 @@ def reference_for(text: str, rig: Rig) -> Reference:
     return motion
 
 
-M = TypeVar("M", bound=Sine | Strokes | Triangle | Chirp)
-_KINDS: dict[str, type[Sine | Strokes | Triangle | Chirp]] = {
-    "sine": Sine,
-    "strokes": Strokes,
-    "triangle": Triangle,
-    "chirp": Chirp,
+_MOTIONS: dict[str, tuple[type[Any], dict[str, str]]] = {
+    "sine": (Sine, {"frequency": "rad/s", "phase": "rad"}),
+    "multisine": (Sine, {"frequency": "rad/s", "phase": "rad"}),
+    "strokes": (Strokes, {"stroke_time": "s", "dwell": "s"}),
+    "triangle": (Triangle, {"frequency": "rad/s", "corner": "s"}),
+    "chirp": (Chirp, {"low": "rad/s", "high": "rad/s", "sweep": "s"}),
 }
-_FIELDS: dict[type[object], dict[str, str]] = {
-    Sine: {"frequency": "rad/s", "phase": "rad"},
-    Strokes: {"stroke_time": "s", "dwell": "s"},
-    Triangle: {"frequency": "rad/s", "corner": "s"},
-    Chirp: {"low": "rad/s", "high": "rad/s", "sweep": "s"},
-}
-"""SI units of the quantities behind the amplitude; of two the second may be left out."""
+"""Motions, of a multisine its parts, with the SI units of what follows the amplitude; of two the last may be left out.
+"""
 
 
-def _motion(motion: type[M], text: str, kind: str, rest: str, plain: str) -> M:
+def _motion(text: str, kind: str, rest: str, plain: str) -> Any:
     """A motion from the quantities in `rest`; plain: unit of an amplitude that states none."""
-    fields = _FIELDS[motion]
+    motion, fields = _MOTIONS[kind]
     fewest = 1 if len(fields) == 2 else len(fields)
     amplitude, unit, terms = _terms(text, kind, rest, (fewest, len(fields)), plain)
-    values: dict[str, Any] = {
-        name: _value(text, kind, term, si) for (name, si), term in zip(fields.items(), terms, strict=False)
-    }
+    values = {name: _value(text, kind, term, si) for (name, si), term in zip(fields.items(), terms, strict=False)}
     return motion(amplitude, unit=unit, **values)
 
 

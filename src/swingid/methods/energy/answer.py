@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from swingid.balance.fits import known_side
-from swingid.balance.friction_laws import TERMS, Law, curve_speeds, parameter_weights
+from swingid.balance.friction_laws import TERMS, Law, curve_speeds, parameters_of
 from swingid.balance.perturbations import propagated
 from swingid.methods.energy.chain import Chain
 from swingid.methods.energy.effects import pass_errors
 from swingid.methods.energy.fit import PassFit
+from swingid.methods.energy.passes import Passes
+from swingid.methods.energy.symmetry import EVEN, ODD
 from swingid.model.rig import Rig
-from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import NEIGHBOURS, squared_distance
 from swingid.preparation.prepared import Part
@@ -34,19 +35,17 @@ class EnergyEstimate:
     """A fit and what its uncertainty depends on.
 
     others: fits of the same log by other nodes or another law, which should be consistent. common: (parameter, source)
-    and standard uncertainty of errors that are common to all swings. sensor: variance of a11 by the sensors' noise.
-    each: a11 of every pair of passes ("printed"), None for "better".
+    and standard uncertainty of errors that are common to all swings. each: a11 of every pair of passes ("printed"),
+    None for "better".
     """
 
     variant: str
     fit: PassFit
-    turning: Array
-    sides: Array
-    others: dict[str, PassFit]
-    common: dict[tuple[str, str], float]
-    sensor: float
-    each: Array | None
-    notes: tuple[Message, ...]
+    passes: Passes
+    others: dict[str, PassFit] = field(default_factory=dict)
+    common: dict[tuple[str, str], float] = field(default_factory=dict)
+    each: Array | None = None
+    notes: tuple[Message, ...] = ()
 
     def beside(self, more: dict[tuple[str, str], float]) -> EnergyEstimate:
         """The estimate with more errors that are common to all swings."""
@@ -55,18 +54,16 @@ class EnergyEstimate:
 
 def energy_answer(estimate: EnergyEstimate, rig: Rig) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant, by its key."""
-    fit, equation = estimate.fit, estimate.fit.equation
-    weights, units = _sought(fit), units_on(linear=equation.linear)
-    values = {name: (float(row @ fit.fit.values), units[name]) for name, row in weights.items()}
-    values["inertia"] = fit.inertia, units["inertia"]
+    fit, even = estimate.fit, EVEN if _depends_on_direction(estimate.fit) else ()
+    values, weights = parameters_of(fit, tuple(name for name in (*ODD, *even) if name in fit.unknowns))
     combinations = np.array(list(weights.values()))
-    declared = propagated(pass_errors(fit.rows, rig, equation, fit.coefficients), fit.fit.influence, combinations)
+    declared = propagated(pass_errors(fit.rows, rig, fit.equation, fit.coefficients), fit.fit.influence, combinations)
     common = [(systematic(source), name, spread) for (name, source), spread in estimate.common.items()]
     unmodelled = rig.axis.model_uncertainty
     if not fit.has_scatter:
-        noise = scatter("sensor noise"), "inertia", float(np.sqrt(estimate.sensor))
+        noise = scatter("sensor noise"), "inertia", float(np.sqrt(fit.sensor))
         return evaluate(values, None, [noise, *common], declared, unknown=values, relative=unmodelled)
-    widening = max(1.0, estimate.sensor / max(fit.covariance[0, 0], 1e-300)) if estimate.sensor > 0 else 1.0
+    widening = max(1.0, fit.sensor / max(fit.covariance[0, 0], 1e-300)) if fit.sensor > 0 else 1.0
     u = fit.u * np.sqrt(widening)
     for name, other in estimate.others.items():  # of the same log, so the variances differ by that of the difference
         dark = dark_uncertainty(other.a11 - fit.a11, abs(other.u**2 - u**2), u)
@@ -79,16 +76,6 @@ def energy_answer(estimate: EnergyEstimate, rig: Rig) -> Evaluated:
         np.array(freedom),
     )
     return evaluate(values, scattered, common, declared, relative=unmodelled)
-
-
-def _sought(fit: PassFit) -> dict[str, Array]:
-    """Weights of each parameter on the unknowns: of friction by direction where that matters."""
-    unit = {name: np.eye(len(fit.unknowns))[k] for k, name in enumerate(fit.unknowns)}
-    even = ("offset", "viscous_even") if _depends_on_direction(fit) else ()
-    terms = tuple(name for name in ("coulomb", "viscous", "quadratic", *even) if name in unit)
-    weights = {name: unit[name] for name in fit.unknowns if fit.equation.seeks(name)}
-    columns = np.array([unit[name] for name in terms])
-    return weights | {name: row @ columns for name, row in parameter_weights(terms).items()}
 
 
 def _depends_on_direction(fit: PassFit) -> bool:
@@ -137,7 +124,7 @@ def energy_details(estimate: EnergyEstimate, part: Part) -> Details:
         estimates={
             name: (variant.inertia, variant.u) for name, variant in {estimate.variant: fit, **estimate.others}.items()
         },
-        residual_times=estimate.turning if better else np.empty(0),
+        residual_times=estimate.passes.turning if better else np.empty(0),
         residuals=(residuals[:, -1] - residuals[:, 0]) / travelled if better else np.empty(0),
     )
 
@@ -149,8 +136,8 @@ def _per_swing(estimate: EnergyEstimate) -> SwingSeries:
         remainder = known_side(rows, fit.equation) - rows.sum_of({name: fit.value(name) for name in fit.unknowns[1:]})
         energy, speed = (rows.blocks(rows.within(x)) for x in (remainder, rows["inertia"]))
         values = (energy * speed).sum(axis=1) / (speed * speed).sum(axis=1)
-    expected = float(np.sqrt(estimate.sensor * len(rows.instants)))
-    return SwingSeries.of(estimate.turning, estimate.sides, values - fit.equation.carried, expected)
+    expected = float(np.sqrt(fit.sensor * len(rows.instants)))
+    return SwingSeries.of(estimate.passes.turning, estimate.passes.sides, values - fit.equation.carried, expected)
 
 
 def _curve(fit: PassFit) -> FrictionCurve:

@@ -84,21 +84,19 @@ class Course:
         still = np.zeros_like(speed)
         if rig.drive.channel is None:
             return cls(nodes, axis, None, speed, still, still, still, None, encoders)
-        smoothed = chain.observers or not measured
-        if rig.drive.channel == "torque":
-            assert log.torque is not None
-            turn = speed if smoothed else nodes.spline(log.angle, derivative=1)
-            return cls(nodes, axis, None, speed, turn, still, drive_at(nodes, log, log.torque, chain), None, encoders)
-        assert log.wheel_angle is not None
-        assert log.voltage is not None
-        if chain.observers:
-            wheel = observed_speed(log.time, log.wheel_angle, noise.wheel)
-        else:
-            wheel = smooth_speed(log.time, log.wheel_angle, noise.wheel, spacing=SPACING, share=SHARE)
-        rate = wheel.at_nodes(nodes)
-        turn = rate if smoothed else nodes.spline(log.wheel_angle, derivative=1)
-        voltage = drive_at(nodes, log, log.voltage, chain)
-        return cls(nodes, axis, wheel, speed, turn, rate, voltage, rig.drive.motor, encoders)
+        wheel, motor, rate = None, None, still
+        turned, smooth, drive = log.angle, speed, log.torque
+        if rig.drive.channel != "torque":
+            assert log.wheel_angle is not None
+            turned, drive, motor = log.wheel_angle, log.voltage, rig.drive.motor
+            if chain.observers:
+                wheel = observed_speed(log.time, turned, noise.wheel)
+            else:
+                wheel = smooth_speed(log.time, turned, noise.wheel, spacing=SPACING, share=SHARE)
+            smooth = rate = wheel.at_nodes(nodes)
+        assert drive is not None
+        turn = smooth if chain.observers or not measured else nodes.spline(turned, derivative=1)
+        return cls(nodes, axis, wheel, speed, turn, rate, drive_at(nodes, log, drive, chain), motor, encoders)
 
     @cached_property
     def active(self) -> Array:
@@ -188,7 +186,7 @@ class PassRows(Rows):
         instants = self.instants[:, cut:-cut]
         columns = {name: self.blocks(column)[:, cut:-cut].ravel() for name, column in self.columns.items()}
         windows = Windows(instants.ravel(), np.zeros(instants.size))
-        return replace(self, windows=windows, columns=columns, kept={}, instants=instants)
+        return replace(self, windows=windows, columns=columns, instants=instants)
 
 
 def _works(rows: PassRows, rig_term: RigTerm) -> dict[str, Array]:

@@ -9,6 +9,7 @@ nor matched speeds are assumed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,22 +31,22 @@ class PassFit(NamedFit):
     """
 
     rows: PassRows
-    equation: Equation
-
-    @property
-    def coefficients(self) -> dict[str, float]:
-        """Coefficients of the equation by name, stated and fitted."""
-        return self.equation.stated | self.values
-
-    @property
-    def inertia(self) -> float:
-        """Inertia J1 of the body."""
-        return self.a11 - self.equation.carried
 
     @property
     def has_scatter(self) -> bool:
         """Return whether the covariance could be evaluated."""
         return bool(np.isfinite(self.covariance[0, 0]))
+
+    @cached_property
+    def sensor(self) -> float:
+        """Variance of a11 from white noise of the angles, through the smoothed speeds and the turn of the wheel."""
+        rows, of = self.rows, self.coefficients
+        axis, wheel, v1, v2 = rows.course.axis, rows.course.wheel, rows.speed, rows.wheel_speed
+        a11, a12, a22 = of["inertia"], of.get("wheel", 0.0), of.get("wheel_inertia", 0.0)
+        variance = _power(rows, self.fit.influence[0] * (a11 * v1 + a12 * v2), axis.half_width) * axis.noise**2
+        if wheel is None:
+            return variance
+        return variance + _power(rows, self.fit.influence[0] * (a12 * v1 + a22 * v2), wheel.half_width) * wheel.noise**2
 
 
 def fit_passes(
@@ -68,17 +69,6 @@ def fit_passes(
         fit = fit_linear(matrix, target, smallest=SMALLEST)
     scores = rows.blocks(fit.influence * fit.residuals).sum(axis=2)
     return PassFit(unknowns, fit, block_covariance(scores, len(unknowns)), rows, equation)
-
-
-def sensor_variance(fit: PassFit) -> float:
-    """Variance of a11 from white noise of the angles, through the smoothed speeds and the turn of the wheel."""
-    rows, of = fit.rows, fit.coefficients
-    axis, wheel, v1, v2 = rows.course.axis, rows.course.wheel, rows.speed, rows.wheel_speed
-    a11, a12, a22 = of["inertia"], of.get("wheel", 0.0), of.get("wheel_inertia", 0.0)
-    variance = _power(rows, fit.fit.influence[0] * (a11 * v1 + a12 * v2), axis.half_width) * axis.noise**2
-    if wheel is None:
-        return variance
-    return variance + _power(rows, fit.fit.influence[0] * (a12 * v1 + a22 * v2), wheel.half_width) * wheel.noise**2
 
 
 def slope_overlap(distance: Array) -> Array:

@@ -23,7 +23,7 @@ from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_details, with_chain
 from swingid.methods.energy.balance import Course, PassRows
 from swingid.methods.energy.chain import Chain
-from swingid.methods.energy.fit import fit_passes, sensor_variance
+from swingid.methods.energy.fit import fit_passes
 from swingid.methods.energy.jitter import find_jitter
 from swingid.methods.energy.passes import Passes, mirrored_passes
 from swingid.methods.energy.printed import (
@@ -168,7 +168,7 @@ def _estimate(part: Part, equation: Equation, how: _How, *, jittery: bool) -> En
     if instruments:
         text = "noise attenuates the estimate by least squares; squared speeds of the next swing are its instruments."
         notes = (Message("instruments", text),)
-    return EnergyEstimate("better", fit, passes.turning, passes.sides, others, {}, sensor_variance(fit), None, notes)
+    return EnergyEstimate("better", fit, passes, others, notes=notes)
 
 
 def _passes(part: Part, depths: Array) -> Passes:
@@ -203,11 +203,11 @@ def _printed(
         )
     if nodes is None:
         passes = _passes(part, DEPTHS)
-        instants, turning, sides = chosen_nodes(passes), passes.turning, passes.sides
+        instants = chosen_nodes(passes)
     else:
         instants = given_nodes(nodes, part.log)
-        turning = (instants[:, 1] + instants[:, 2]) / 2
         sides = np.sign(course.axis.at(instants[:, 0]) - course.axis.at(instants[:, 3]))
+        passes = Passes((instants[:, 1] + instants[:, 2]) / 2, sides, instants)
     rows = PassRows.of(course, instants, equation)
     notes: tuple[Message, ...] = ()
     if work == "trapezoid":
@@ -216,4 +216,4 @@ def _printed(
         notes = (Message("trapezoid-work", text),)
     fit, each = printed_fit(rows, equation)
     common = {("viscous", "unequal speeds of the two passes"): abs(unequal_speeds(fit))}
-    return EnergyEstimate("printed", fit, turning, sides, {}, common, sensor_variance(fit), each, notes)
+    return EnergyEstimate("printed", fit, passes, common=common, each=each, notes=notes)

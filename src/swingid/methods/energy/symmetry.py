@@ -42,17 +42,22 @@ EVEN = ("offset", "viscous_even")
 """Terms that depend on the direction: they cancel between upper and lower turning points, not mirror images."""
 
 
+HATS = tuple(f"hat {k}" for k in range(len(SPEEDS)))
+"""Names of the works of the hat functions on these knots."""
+
+
 @dataclass(frozen=True)
 class Profile:
     """Friction of the log: torques at rising speeds (knots,), the coefficients of `EVEN`, and their covariance.
 
-    The covariance (knots + 2, knots + 2) is that of the torques, then of the coefficients.
+    The covariance (knots + 2, knots + 2) is that of the torques, then of the coefficients. rows: that it was fitted to.
     """
 
     speeds: Array
     torques: Array
     even: Array
     covariance: Array
+    rows: PassRows | None = None
 
 
 @dataclass(frozen=True)
@@ -86,18 +91,20 @@ class Symmetry:
 def friction_profile(rows: PassRows, equation: Equation) -> Profile:
     """Friction from the energies at mirrored nodes, linear from speed to speed; fitted together with the inertia."""
     speeds = SPEEDS * np.max(np.abs(rows.speed))
-    hats = {f"hat {k}": work for k, work in enumerate(_hat_works(rows, speeds))}
-    fit = fit_passes(rows.beside(hats), equation, (*hats, *EVEN))
+    rows = _with_hats(rows, speeds)
+    fit = fit_passes(rows, equation, (*HATS, *EVEN))
     first = len(fit.unknowns) - len(speeds) - len(EVEN)
     torques, even = np.split(fit.fit.values[first:], [len(speeds)])
-    return Profile(speeds, torques, even, fit.covariance[first:, first:])
+    return Profile(speeds, torques, even, fit.covariance[first:, first:], rows)
 
 
 def asymmetry_bound(fit: PassFit, profile: Profile) -> Symmetry:
     """Bound of the error of a fit by friction and the asymmetry of its passes."""
-    rows, weights = fit.rows, fit.fit.influence[0]
+    rows, weights = profile.rows, fit.fit.influence[0]
+    if rows is None or rows.instants is not fit.rows.instants:
+        rows = _with_hats(fit.rows, profile.speeds)
     # a rise from one speed to the next acts on all the hats above it
-    ramps = np.cumsum((_hat_works(rows, profile.speeds) @ weights)[::-1])[::-1]
+    ramps = np.cumsum((np.array([rows[name] for name in HATS]) @ weights)[::-1])[::-1]
     knots = len(profile.speeds)
     rises = np.eye(knots) - np.eye(knots, k=-1)
     odd = sum(fit.value(name) * TERMS[name](profile.speeds) for name in ODD) if "coulomb" in fit.unknowns else 0.0
@@ -112,13 +119,11 @@ def asymmetry_bound(fit: PassFit, profile: Profile) -> Symmetry:
     return Symmetry(bound, profile.speeds, ramps, limits, _mirror_error(rows))
 
 
-def _hat_works(rows: PassRows, speeds: Array) -> Array:
-    """∫Λ_k(|q1'|) |q1'| dt up to each node, (knots, nodes); the outermost hats continue constant."""
+def _with_hats(rows: PassRows, speeds: Array) -> PassRows:
+    """The rows with ∫Λ_k(|q1'|) |q1'| dt up to each node beside the terms; the outermost hats continue constant."""
     size, nodes = np.abs(rows.course.speed), rows.course.nodes
-    key = "hats", str(speeds[-1])  # whose shares the others are
-    if key not in rows.kept:
-        rows.kept[key] = rows.at(lambda times: running_hats(nodes, size, size, speeds, times))
-    return rows.kept[key]
+    works = rows.at(lambda times: running_hats(nodes, size, size, speeds, times))
+    return rows.beside(dict(zip(HATS, works, strict=True)))
 
 
 def _mirror_error(rows: PassRows) -> float:

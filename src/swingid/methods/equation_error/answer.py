@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from swingid.balance.errors import constant_error
-from swingid.balance.friction_laws import curve_speeds, parameter_weights
+from swingid.balance.friction_laws import curve_speeds, parameters_of
 from swingid.balance.perturbations import SHAPES, RowError, channel_of, of_channels, of_constants, propagated
 from swingid.methods.equation_error.estimate import Selection
 from swingid.methods.equation_error.fit import RowFit
 from swingid.methods.equation_error.grid import slope
 from swingid.model.rig import Rig
-from swingid.model.terms import TERMS, power_of, units_on
+from swingid.model.terms import TERMS, power_of
 from swingid.result.result import Details, FrictionCurve, SwingSeries
 from swingid.uncertainty.budget import Evaluated, Scatter, evaluate
 
@@ -23,21 +23,18 @@ SCATTER = "scatter of the rows and sensor noise"
 
 def answer(selected: Selection, rig: Rig) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant."""
-    fit, law, equation = selected.chosen, selected.law, selected.chosen.equation
-    units = units_on(linear=equation.linear)
-    sought = {name: fit.of(name) for name in fit.unknowns if name in equation.sought}
-    friction = np.array([fit.of(name) for name in law.unknowns])
-    sought |= {name: row @ friction for name, row in parameter_weights(law.unknowns).items()}
-    values = {name: (float(row @ fit.fit.values), units[name]) for name, row in sought.items()}
-    values["inertia"] = fit.inertia, units["inertia"]
+    fit, law = selected.chosen, selected.law
+    values, weights = parameters_of(fit, law.unknowns)
     if "stribeck" in law.terms:  # the fit estimates its change
-        values["stribeck_speed"] = values["stribeck_speed"][0] + law.stribeck_speed, units["stribeck_speed"]
-    combinations = np.array(list(sought.values()))
+        change, unit = values["stribeck_speed"]
+        values["stribeck_speed"] = change + law.stribeck_speed, unit
+    combinations = np.array(list(weights.values()))
     declared = propagated(_errors(rig, fit), fit.fit.influence, combinations)
-    spread = np.sqrt([fit.variance(row) for row in combinations])
+    each = [fit.of_inertia if name == "inertia" else fit.combination(row) for name, row in weights.items()]
+    spread = np.sqrt([combination.variance for combination in each])
     scatters = combinations @ fit.covariance @ combinations.T
     scale_of = spread / np.sqrt(np.maximum(np.diag(scatters), 1e-300))
-    freedom = np.array([fit.freedom_of(row) for row in combinations])
+    freedom = np.array([fit.freedom_of(combination) for combination in each])
     scattered = Scatter(SCATTER, scatters * np.outer(scale_of, scale_of), freedom)
     return evaluate(values, scattered, selected.common, declared, relative=rig.axis.model_uncertainty)
 

@@ -105,7 +105,7 @@ def estimate(part: OnGrid, cutoff: Cutoff, given: str | None, *, instruments: bo
     plain = fit_rows(part, row_filter, law.unknowns, law, lag)
     memory = fit_rows(part, row_filter, (*law.unknowns, "memory"), law, plain.lag)
     levels = dry_levels(part.signals, plain.value)
-    measured = memory.value("memory"), memory.spread("memory")
+    measured = memory.value("memory"), memory.of("memory").spread
     expected = impulses_expected(part.motion, late, law.torque, levels)
     more, impulse = impulse_found(part.equation, part.motion, measured, expected, dry_friction(law.torque, levels))
     chosen = fit_rows(part, row_filter, (*law.unknowns, *more), law, plain.lag) if more else plain
@@ -187,7 +187,7 @@ def _possible(part: OnGrid, row_filter: RowFilter, choice: LawChoice) -> Weighte
             if law.name not in worth or not law.peak:
                 continue
             fit = fit_rows(part, row_filter, law.unknowns, law)
-            if not abs(fit.value("stribeck")) > INDICATED * fit.spread("stribeck"):
+            if not abs(fit.value("stribeck")) > INDICATED * fit.of("stribeck").spread:
                 continue
         kept.append((law, weight))
     return _likely(kept)

@@ -16,7 +16,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from swingid.balance.friction_laws import TERMS, Law, stribeck_slope
-from swingid.balance.perturbations import slopes_by
+from swingid.balance.perturbations import Slope, slopes_by
 from swingid.balance.reversals import IMPULSES
 from swingid.balance.rows import Rows, Signals, Windows, smooth_columns
 from swingid.methods.equation_error.cutoff import SETTLING, Cutoff
@@ -172,9 +172,15 @@ class OnGrid:
         """Filtered errors (8, rows) of the acceleration by the encoder's grid, shifted by eighths of its step."""
         key: tuple[Key, float] = ("grid errors", ()), row_filter.cutoff.frequency
         if key not in self.kept:
-            columns = [self.column("grid error", k / GRID_PHASES) for k in range(GRID_PHASES)]
-            self.kept[key] = row_filter(*columns) * self.noise.resolution
+            errors = self._once("grid errors", self._grid_errors)
+            self.kept[key] = row_filter(*errors) * self.noise.resolution
         return self.kept[key]
+
+    def _grid_errors(self) -> Array:
+        """The same before the filter, in steps / s²."""
+        angle = self.column("smooth angle") / self.noise.resolution
+        shifted = [angle + k / GRID_PHASES for k in range(GRID_PHASES)]
+        return np.array([curvature(np.rint(place) - place, self.grid.step) for place in shifted])
 
     def acting(self, channel: str, error: Array, values: Mapping[str, float]) -> Array:
         """Σ c ∂f/∂channel s of an error s of a channel at every row of the grid, with these coefficients (n,).
@@ -182,11 +188,21 @@ class OnGrid:
         Away from the ends it is symmetric: so it also is the effect of every sample on a sum with the weights s.
         """
         effect = np.zeros_like(error)
-        for name, order, derivative in slopes_by(channel, self.equation.terms):
+        for name, order, by_angle in slopes_by(channel, self.equation.terms):
             if value := values.get(name, 0.0):
-                pull = 1.0 if order else self._once(f"slope of {name}", partial(derivative, self.grid.angle))
-                effect = effect + value * (curvature(error, self.grid.step) if order else pull * error)
+                change = curvature(error, self.grid.step) if order else self._pull(name, by_angle) * error
+                effect = effect + value * change
         return effect
+
+    def stiffness(self, values: Mapping[str, float]) -> float:
+        """Mean of Σ c ∂f/∂q1 over the grid, with these coefficients."""
+        pulls = {name: by_angle for name, order, by_angle in slopes_by("angle", self.equation.terms) if order == 0}
+        known = {name: values[name] for name in pulls if values.get(name)}
+        return sum(value * float(np.mean(self._pull(name, pulls[name]))) for name, value in known.items())
+
+    def _pull(self, name: str, by_angle: Slope) -> Array:
+        """∂f/∂q1 of a term at every row of the grid."""
+        return self._once(f"slope of {name}", partial(by_angle, self.grid.angle))
 
     def channel(self, name: str) -> Array:
         """Angle, wheel or torque at every row of the grid; the drive must have it."""
@@ -218,16 +234,10 @@ class OnGrid:
             "stribeck_speed": lambda: numbers[1] * stribeck_slope(self.column("smooth"), numbers[0]),
             "memory": lambda: self._impulses(self.motion.reversals[2]),
             "memory_equal": lambda: self._impulses(1.0 - self.motion.reversals[2]),
-            "grid error": lambda: self._grid_error(*numbers),
         }
         if name in of_name:
             return of_name[name]()
         return TERMS[name](self.column("smooth")) if name in TERMS else self._of_registry(name)
-
-    def _grid_error(self, phase: float) -> Array:
-        """Second derivative of the error by a grid that is shifted by a share of its step, in steps / s²."""
-        shifted = self.column("smooth angle") / self.noise.resolution + phase
-        return curvature(np.rint(shifted) - shifted, self.grid.step)
 
     def _of_registry(self, name: str) -> Array:
         """The regressor of a term of the registry, or its derivative by its shift."""

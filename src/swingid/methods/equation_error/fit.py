@@ -58,6 +58,35 @@ OF_DIRECTION = ("coulomb", "stribeck", "stribeck_speed", "offset", *IMPULSES)
 """Regressors of the direction of motion: without noise except at the reversals, so their own instruments."""
 
 
+@dataclass(frozen=True)
+class Combination:
+    """What the type A variance of a combination of the unknowns of a fit is made of.
+
+    influence (rows,): of the rows. per_sample (2, n): contribution of the noise of each sample of both angles. beyond:
+    variance by lack of fit, that of the scatter beyond white noise. grid (8,): errors at eight grid phases.
+    """
+
+    influence: Array
+    per_sample: Array
+    beyond: float
+    grid: Array
+
+    @property
+    def white(self) -> float:
+        """Variance by white noise of both angles."""
+        return float(np.vdot(self.per_sample, self.per_sample))
+
+    @property
+    def variance(self) -> float:
+        """Type A variance."""
+        return self.white + self.beyond
+
+    @property
+    def spread(self) -> float:
+        """Standard uncertainty from the scatter, the sensors' noise and the grid phase."""
+        return float(np.hypot(np.sqrt(self.variance), rms(self.grid)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class RowFit(WindowFit):
     """A fit of filtered rows, with what its uncertainty depends on.
@@ -84,65 +113,59 @@ class RowFit(WindowFit):
         rows = self.rows.select(used)
         return WindowFit(self.unknowns, fit, self.covariance, rows, self.equation, self.noise, self.half)
 
-    def of(self, unknown: str) -> Array:
-        """Weights of the unknowns in this one (p,)."""
-        weights: Array = np.eye(len(self.unknowns))[self.unknowns.index(unknown)]
-        return weights
+    def of(self, unknown: str) -> Combination:
+        """An unknown as a combination of all."""
+        return self.combination(np.eye(len(self.unknowns))[self.unknowns.index(unknown)])
 
-    def variances(self, weights: Array) -> tuple[float, float]:
-        """Type A variance of a combination of the unknowns: of white noise of both angles, and of the lack of fit.
+    @cached_property
+    def of_inertia(self) -> Combination:
+        """The inertia a11."""
+        return self.of("inertia")
+
+    def combination(self, weights: Array) -> Combination:
+        """The combination of the unknowns with these weights (p,).
 
         The scatter of the rows over a finite time also contains power of the differentiated noise at frequencies beside
         the motion's. The expected power of the noise there is subtracted, and one standard deviation of it: the
         difference is never negative, so its fluctuation would widen it.
         """
-        key = f"variances of {weights.tolist()}"
-        if key not in self.kept:
-            seen = float(weights @ self.covariance @ weights)
-            smeared = float(self._lagged @ autocorrelation(weights @ self.fit.influence, self.reach))
-            # number of independent stretches of a Parzen kernel, as in `hac_covariance`
-            chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.weights)))
-            noise = self._per_sample(weights)
-            self.kept[key] = float(np.vdot(noise, noise)), max(seen - smeared - float(chance), 0.0)
-        variances: tuple[float, float] = self.kept[key]
-        return variances
+        influence, noise = weights @ self.fit.influence, self.noise
+        of_rows, channels = self.row_filter.adjoint(influence), (("angle", noise.angle), ("wheel", noise.wheel))
+        samples = [std * self.part.acting(channel, of_rows, self.coefficients) for channel, std in channels]
+        smeared = float(self.white_products @ autocorrelation(influence, self.reach))
+        # number of independent stretches of a Parzen kernel, as in `hac_covariance`
+        chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.weights)))
+        beyond = max(float(weights @ self.covariance @ weights) - smeared - float(chance), 0.0)
+        return Combination(influence, np.array(samples), beyond, self._grid(influence, weights))
 
-    def variance(self, weights: Array) -> float:
-        """Type A variance of a combination of the unknowns."""
-        return sum(self.variances(weights))
+    def freedom_of(self, combination: Combination) -> float:
+        """Degrees of freedom of the variance: those of its part beyond the white noise of both angles."""
+        rows = scatter_freedom(combination.influence, parzen(self.reach), len(self.unknowns))
+        return effective_freedom(((combination.white**0.5, math.inf), (combination.beyond**0.5, rows)))
 
-    def freedom_of(self, weights: Array) -> float:
-        """Degrees of freedom of `variance`: those of its part beyond the white noise of both angles."""
-        rows = scatter_freedom(weights @ self.fit.influence, parzen(self.reach), len(self.unknowns))
-        white, beyond = self.variances(weights)
-        return effective_freedom(((white**0.5, math.inf), (beyond**0.5, rows)))
+    def _grid(self, influence: Array, weights: Array) -> Array:
+        """Errors at eight grid phases of the encoder (`systematics.grid_spread`); 0 without a grid.
 
-    def _per_sample(self, combination: Array) -> Array:
-        """Contribution of the noise of each sample of both angles to a combination of the unknowns, (2, n)."""
-        key = f"samples of {combination.tolist()}"
-        if key not in self.kept:
-            weights, noise = (
-                self.row_filter.adjoint(combination @ self.fit.influence),
-                (self.noise.angle, self.noise.wheel),
-            )
-            self.kept[key] = np.array(
-                [
-                    std * self.part.acting(channel, weights, self.coefficients)
-                    for channel, std in zip(("angle", "wheel"), noise, strict=True)
-                ]
-            )
-        contributions: Array = self.kept[key]
-        return contributions
+        They repeat at every swing, so those of the instruments are correlated with those of the row.
+        """
+        if not self.noise.resolution > 0:
+            return np.zeros(1)
+        errors = self.part.grid_errors(self.row_filter)
+        effects: Array = errors @ influence
+        if self.lag:
+            pairs = self.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
+            effects = effects + (weights @ self.inverse[:, 0]) * pairs.sum(axis=1)
+        return effects * abs(self.a11)
 
     @cached_property
-    def _lagged(self) -> Array:
+    def white_products(self) -> Array:
         """Expected products of the residuals by white noise of both angles, by their lags, as `hac_covariance` weighs.
 
         Rows are 0 to `reach` apart.
         """
         products, (curved, spread, both) = np.zeros(self.reach + 1), self.row_filter.correlations
         near = min(len(curved), len(products))
-        pull = float(np.mean(self.part.acting("angle", np.ones_like(self.part.grid.angle), self.coefficients)))
+        pull = self.part.stiffness(self.coefficients)
         inertia, wheel = self.a11, self.value("wheel") * self.noise.wheel
         axis = inertia**2 * curved[:near] + pull**2 * spread[:near] + 2 * inertia * pull * both[:near]
         products[:near] = self.noise.angle**2 * axis + wheel**2 * curved[:near]
@@ -155,7 +178,7 @@ class RowFit(WindowFit):
             share = abs(float(self.inverse[k, 0] / self.inverse[0, 0])) if k else 1.0
             errors["noise in the acceleration (least squares)"] = abs(self.a11) * self.bias * share
         if self.noise.resolution > 0:
-            errors["place of the encoder's grid"] = rms(self.grid_effects(unknown))
+            errors["place of the encoder's grid"] = rms((self.of(unknown) if k else self.of_inertia).grid)
         return errors
 
     @cached_property
@@ -195,34 +218,16 @@ class RowFit(WindowFit):
             unsure=spread * self.scattered,
         )
 
-    def grid_effects(self, unknown: str = "inertia") -> Array:
-        """Errors of an unknown at eight grid phases of the encoder (`systematics.grid_spread`); 0 without a grid.
-
-        They repeat at every swing, so those of the instruments are correlated with those of the row.
-        """
-        if not self.noise.resolution > 0:
-            return np.zeros(1)
-        k, errors = self.unknowns.index(unknown), self.part.grid_errors(self.row_filter)
-        effects: Array = errors @ self.fit.influence[k]
-        if self.lag:
-            pairs = self.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
-            effects = effects + self.inverse[k, 0] * pairs.sum(axis=1)
-        return effects * abs(self.a11)
-
-    def spread(self, unknown: str) -> float:
-        """Standard uncertainty of an unknown from the scatter, the sensors' noise and the grid phase."""
-        return float(np.hypot(np.sqrt(self.variance(self.of(unknown))), rms(self.grid_effects(unknown))))
-
     def relative_with_bias(self) -> float:
         """Standard uncertainty of a11 by the sensors, lack of fit and attenuation, as a share of its magnitude."""
-        return self.relative(float(np.hypot(self.spread("inertia"), self.a11 * self.attenuation)))
+        return self.relative(float(np.hypot(self.of_inertia.spread, self.a11 * self.attenuation)))
 
     def contradicted(self, other: RowFit) -> float:
         """Dark uncertainty by the difference to another fit of the same log, beyond what explains it.
 
         That is the noise of the sensors, or the difference of the variances (Hausman 1978), which has the lack of fit.
         """
-        first, second = (fit.variance(fit.of("inertia")) for fit in (self, other))
+        first, second = self.of_inertia.variance, other.of_inertia.variance
         variance = max(self.variance_of_difference(other), abs(first - second))
         return dark_uncertainty(other.a11 - self.a11, variance, float(np.sqrt(first)))
 
@@ -231,8 +236,8 @@ class RowFit(WindowFit):
 
         Both fits are linear in the same noise, so its effect on their difference is known, that of the grid too.
         """
-        noise = self._per_sample(self.of("inertia")) - other._per_sample(other.of("inertia"))
-        variance = float(np.vdot(noise, noise)) + rms(self.grid_effects() - other.grid_effects()) ** 2
+        noise = self.of_inertia.per_sample - other.of_inertia.per_sample
+        variance = float(np.vdot(noise, noise)) + rms(self.of_inertia.grid - other.of_inertia.grid) ** 2
         if self.lag == 0:
             variance += (self.a11 * (self.bias - other.bias)) ** 2
         return variance
@@ -251,8 +256,7 @@ def noise_share(fit: RowFit, higher: RowFit) -> tuple[float, float]:
     growth = higher.row_filter.cutoff.frequency / fit.row_filter.cutoff.frequency - 1
     low, high = fit.attenuation / power, 1 - fit.attenuation * wheel / power
     high = max(min(high, (higher.scattered - fit.scattered) / (growth * power)), low)
-    first, second = (estimate.variance(estimate.of("inertia")) for estimate in (fit, higher))
-    variance = max(fit.variance_of_difference(higher), abs(first - second))
+    variance = max(fit.variance_of_difference(higher), abs(fit.of_inertia.variance - higher.of_inertia.variance))
     slope = fit.a11 * (higher.scattered - fit.scattered)
     prior = (high - low) ** 2 / 12
     weight = prior * slope**2 / max(prior * slope**2 + variance, 1e-300)

@@ -100,7 +100,7 @@ def _unlikely(selected: Selection) -> list[Message]:
     chosen, best = selected.chosen, selected.likely[0][0]
     if selected.law.name in {law.name for law, _ in selected.likely}:
         return []
-    if selected.between_laws < np.sqrt(chosen.variance(chosen.of("inertia"))):
+    if selected.between_laws < np.sqrt(chosen.of_inertia.variance):
         return []
     other = next(fit for law, fit, _ in selected.laws if law.name == best.name)
     text = (

@@ -167,18 +167,20 @@ def run_packed(block: Block, log: Array) -> Array:
     steps = int(np.ceil(sample / LONGEST * (1.0 - 1e-9)))
     h = sample / steps
     filled = np.minimum(np.arange(LANES), count - 1)
-    lane = _packed(block, filled, sample, h)
+    whole = np.zeros(1, lanes.BLOCK)
+    lane = whole[0]["rows"]
+    _pack(lane, block, filled, sample, h)
     late = _late(block, filled, steps)
     kinds = int(kind.control != "open"), int(kind.bent)
-    place, flat, which = np.zeros(PLACES, np.int64), lane.ravel(), block.which[filled]
-    noise, kept = _noise(block, rows), np.empty(4 * TOGETHER * LANES)
+    place, which = np.zeros(PLACES, np.int64), block.which[filled]
+    noise, kept = _noise(block, rows), np.empty((4, TOGETHER, LANES))
     variant = (
         1 if kind.rich else None,
         1 if kind.late else None,
         kind.order if kind.control == "chain" else None,
         1 if kind.control == "backstepping" else None,
     )
-    while run_block(flat, block.inputs, which, place, kinds, steps, h, noise, log, kept, late, *variant):
+    while run_block(whole, block.inputs, which, place, kinds, steps, h, noise, log, kept, late, *variant):
         step = int(place[ROW]) * steps + int(place[STEP]) - 1
         for i in np.flatnonzero(lane[lanes.LEFT]):
             advance_run(lane, int(i), block.p[filled[i]], h, late, step, steps)
@@ -187,10 +189,9 @@ def run_packed(block: Block, log: Array) -> Array:
     return result
 
 
-def _packed(block: Block, filled: Ints, sample: float, h: float) -> Array:
-    """The array (ROWS, LANES) at the start; filled (LANES,): each column's member; sample, h: a sample, a step (s)."""
+def _pack(lane: Array, block: Block, filled: Ints, sample: float, h: float) -> None:
+    """What a block starts with into (ROWS, LANES); filled (LANES,): each column's member; sample, h: of a step (s)."""
     runs, kind = block.runs, block.kind
-    lane = np.zeros((lanes.ROWS, LANES))
     lanes.pack_motion(lane, block.p[filled], h)
     lanes.pack_encoders(lane, _encoders(block)[filled])
     lane[lanes.RIG_LIMIT] = np.array(of_each([run.rig for run in runs], own_limit))[filled]
@@ -202,7 +203,6 @@ def _packed(block: Block, filled: Ints, sample: float, h: float) -> Array:
             lanes.pack_backstepping(lane, gains[filled], states[filled])
         else:
             lanes.pack_compensator(lane, gains[filled], states[filled], sample)
-    return lane
 
 
 def _encoders(block: Block) -> Array:

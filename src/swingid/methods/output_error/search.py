@@ -12,8 +12,9 @@ import numpy as np
 
 from swingid.balance.friction_laws import EXACT, SIDES, law_terms, parameter_weights
 from swingid.balance.law_choice import CANDIDATES, LawChoice
+from swingid.methods.output_error.along import read_along
 from swingid.methods.output_error.constants import constant_value, free_key
-from swingid.methods.output_error.problem import Problem
+from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns, entries_of
 from swingid.model.parameters import PLACES, SIZE
@@ -241,9 +242,9 @@ def _products(rough: Searched, body: list[int], peaks: Array) -> tuple[Reduced, 
     places += [*(((SIZE + k, 1.0),) for k in range(len(peaks))), ()]
     p, entries = unknowns.vector(fit.values), entries_of(places, problem.states)
     extended = problem.predict(p, entries, fit.states, len(places), fit.prediction, peaks).slopes
-    for column, k in enumerate(body):
-        if k in fit.prediction.of_sensors:
-            extended[:, problem.states + column] = fit.prediction.of_sensors[k]
+    read = as_read(read_along(fit.prediction.steps, problem.measured), problem, unknowns.names, fit.values)
+    for k, column in read.of_sensors.items():
+        extended[:, problem.states + body.index(k)] = column
     extended[:, -1] = problem.sigma * fit.residuals
     reduced = fit.shooting.reduced(fit.shooting.grams(extended, fit.residuals, fit.weights))
     # the prior of each, as one more residual

@@ -22,6 +22,9 @@ from swingid.preparation.encoders import Encoders
 
 Input = Literal["voltage", "wheel", "torque", "none"]
 
+INPUTS: dict[str | None, Input] = {"wheel_angle": "voltage", "torque": "torque", None: "none"}
+"""What drives a simulation of all channels, by the channel by which the drive acts in equation (I)."""
+
 NO_PEAKS = np.empty(0)
 
 NO_ENTRIES: Entries = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
@@ -161,11 +164,12 @@ def as_read(prediction: Prediction, problem: Problem, names: Sequence[str], valu
     for k in sorted(ours, key=lambda k: not names[k].endswith("latency")):
         here = problem.wheel if names[k].startswith("sensors.wheel.") else ~problem.wheel
         if names[k] == ZERO:
-            added, columns[k] = float(values[k]), here.astype(np.float64)
+            outputs[here] += values[k]
+            columns[k] = here.astype(np.float64)
         else:
             columns[k], rates, times = np.zeros(len(outputs)), prediction.rates[here], problem.times[here]
             added, columns[k][here] = _effect(names[k], float(values[k]), outputs[here], rates, times)
-        outputs[here] += added
+            outputs[here] += added
     return replace(prediction, outputs=outputs, of_sensors=columns)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -167,8 +167,8 @@ def run_packed(block: Block, log: Array) -> Array:
     steps = int(np.ceil(sample / LONGEST * (1.0 - 1e-9)))
     h = sample / steps
     filled = np.minimum(np.arange(LANES), count - 1)
-    whole = np.zeros(1, lanes.BLOCK)
-    lane = whole[0]["rows"]
+    whole: Any = np.zeros(1, lanes.BLOCK)
+    lane: Array = whole[0]["rows"]
     _pack(lane, block, filled, sample, h)
     late = _late(block, filled, steps)
     kinds = int(kind.control != "open"), int(kind.bent)

@@ -86,12 +86,13 @@ class Shooting:
 
     def grams(self, slopes: Array, residuals: Array, weights: Array) -> Array:
         """Weighted products of all columns and the residuals (k, s + m + 1, s + m + 1), segment by segment."""
-        roots, products = np.sqrt(weights), []
-        rows = np.empty((len(residuals), slopes.shape[1] + 1))
-        np.multiply(slopes, (roots / self.sigma)[:, None], out=rows[:, :-1])
-        np.multiply(residuals, roots, out=rows[:, -1])
+        products = []
         for first, last in pairwise(self.rows):
-            products.append(gram(rows[first:last].T))
+            segment, rows = slice(first, last), np.empty((last - first, slopes.shape[1] + 1))
+            root = np.sqrt(weights[segment])
+            np.multiply(slopes[segment], (root / self.sigma[segment])[:, None], out=rows[:, :-1])
+            np.multiply(residuals[segment], root, out=rows[:, -1])
+            products.append(gram(rows.T))
         return np.array(products)
 
     def reduced(self, grams: Array, values: Array | None = None, damping: float = SINGULAR) -> Reduced:

@@ -22,6 +22,9 @@ from swingid.numerics.shooting import Prediction
 Steps = tuple[Array, Ints]
 """The steps of a motion (n, FIELDS), and the first of each segment (k + 1,)."""
 
+READ = (np.arange(4)[:, None] & (READ_ANGLE, READ_WHEEL)) > 0
+"""Whether the angle, the wheel's angle is read, by the bits of `flags`."""
+
 CHATTERS = 50
 """Times as many steps as one per knot and `LONGEST`, from about which on a motion counts as divergent: its friction
 changes sides all the time. Motions that resemble a log take hardly more than once as many."""
@@ -57,8 +60,7 @@ def read_along(steps: Steps | None, measured: Array) -> Prediction:
     if steps is None:
         return Prediction(measured, none, finite=False)
     nodes = steps[0][: steps[1][-1]]
-    flags = nodes[:, noted.FLAG].astype(np.int64)
-    read = (flags[:, None] & (READ_ANGLE, READ_WHEEL)) > 0
+    read = READ[nodes[:, noted.FLAG].astype(np.int64)]
     outputs, rates = nodes[:, noted.ANGLE : noted.TURN + 1 : 2][read], nodes[:, noted.SPEED : noted.WHEEL + 1 : 2][read]
     return Prediction(outputs, none, rates=rates, steps=steps)
 

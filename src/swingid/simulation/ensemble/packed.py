@@ -71,14 +71,14 @@ class Block:
     after: Array
 
 
-def of_each(things: list[Thing], found: Callable[[Thing], Found]) -> list[Found]:
+def of_each(things: list[Thing], function: Callable[[Thing], Found]) -> list[Found]:
     """What a function finds of each thing; once where several are the same one."""
-    known = {key: found(thing) for key, thing in {id(thing): thing for thing in things}.items()}
+    known = {key: function(thing) for key, thing in {id(thing): thing for thing in things}.items()}
     return [known[id(thing)] for thing in things]
 
 
 def flaws_of(rig: Rig) -> tuple[bool, bool, bool]:
-    """Whether some encoder of a rig is not read on time, not linear, has noise."""
+    """Return whether some encoder of a rig is not read on time, not linear, has noise."""
     sensors = [rig.sensors.of(name) for name in CHANNELS]
     late = any(s.jitter or s.latency.value or s.latency.std for s in sensors)
     bent = any(part.value or part.std for s in sensors for part in s.drawn)

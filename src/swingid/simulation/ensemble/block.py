@@ -112,7 +112,7 @@ def run_block(
             place[STEP] += 1
             if is_late is not None:
                 fill(lane, late, step, steps)
-            if count > 0 and redo(lane, late, step, steps, rich, is_late):
+            if count > 0 and redo(block, late, step, steps, rich, is_late):
                 return True
         place[ROW], place[STEP] = k + 1, 0
     if is_late is not None and len(log) > 0:

@@ -348,9 +348,13 @@ def finish(lane: Array, i: int) -> tuple[int, int]:
 
 
 @njit_part
-def redo(lane: Array, late: Late, step: int, steps: int, rich: int | None, is_late: int | None) -> bool:
-    """Take the flagged steps of a block in parts; whether something is left in LEFT. Others as of `readings.fill`."""
+def redo(block: Array, late: Late, step: int, steps: int, rich: int | None, is_late: int | None) -> bool:
+    """Take the flagged steps of a block in parts; whether something is left in LEFT. Others as of `readings.fill`.
+
+    It is given the block, not its rows, for these would have no fixed size in a function that is not inlined.
+    """
     widest()
+    lane = block[0]["rows"]
     count, undecided = begin(lane, is_late)
     for _ in range(MOST_PARTS):
         if count == 0:

@@ -28,8 +28,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.vectors import widest
 from swingid.simulation import simulate
 from swingid.simulation.ensemble import simulate_ensemble
-from swingid.simulation.ensemble.lanes import LANES
-from swingid.simulation.ensemble.lanes import ROWS as ROWS_OF_BLOCK
+from swingid.simulation.ensemble.lanes import BLOCK
 from swingid.simulation.ensemble.motion import move_all
 
 DURATION, RATE, RUNS, REPEATS = 25.0, 1000.0, 128, 5
@@ -49,16 +48,16 @@ def reference(times: np.ndarray) -> np.ndarray:
 
 
 @numba.njit(error_model="numpy", fastmath={"contract", "nsz"})
-def step_of_block(lane: np.ndarray) -> int:
+def step_of_block(block: np.ndarray) -> int:
     widest()
-    return move_all(lane, None, None)
+    return move_all(block[0]["rows"], None, None)
 
 
 def vector_width() -> str:
     """Bits of the processor's vector registers by its flags, and what of them the compiled kernel uses."""
     flags = set(re.findall(r"\S+", re.search(r"^flags.*$", Path("/proc/cpuinfo").read_text(), re.M)[0]))
     bits = 512 if "avx512f" in flags else 256 if "avx2" in flags else 128
-    step_of_block(np.zeros(ROWS_OF_BLOCK * LANES))  # compiled afresh: numba shows no code that comes from its cache
+    step_of_block(np.zeros(1, BLOCK))  # compiled afresh: numba shows no code that comes from its cache
     code = "\n".join(step_of_block.inspect_asm().values())
     used = {name: len(re.findall(rf"^\s+v\w+pd\s.*%{name}", code, re.M)) for name in ("zmm", "ymm")}
     return (

@@ -93,3 +93,9 @@ def test_what_is_not_identifiable_is_refused() -> None:
     still = simulate(PAPER, duration=1.0, drive=np.zeros(1001))
     with pytest.raises(UnanswerableError, check=coded("not-identifiable")):
         cramer_rao(still, PAPER, start=(0, 0, 0, 0))
+
+
+def test_a_motor_on_the_axis_is_refused() -> None:
+    text = '[axis]\ninertia = 3e-3\n[drive]\nkind = "motor"\n[drive.motor]\ntorque_per_volt = 0.1\n'
+    with pytest.raises(UnanswerableError, check=coded("unknown-drive", "the bound")):
+        cramer_rao(simulate(PAPER, duration=1.0, drive=np.zeros(1001)), Rig.from_text(text))

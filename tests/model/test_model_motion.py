@@ -13,7 +13,7 @@ from swingid.model.dynamics import accelerations, holding_torques
 from swingid.model.energy import drive_power, kinetic_energy, motor_friction_power, potential_energy
 from swingid.model.friction import release_margin, sliding_friction
 from swingid.model.integrator import FIRST, NEW, NOW, Q1, ROWS, STATES, STEP_KERNEL, V1, V2, derivative, quintic, step
-from swingid.model.motion import COUNTS, EVENTS, GUARDED, MANY_EVENTS, advance
+from swingid.model.motion import COUNTS, EVENTS, FIELDS, GUARDED, MANY_EVENTS, advance
 from swingid.model.parameters import STATIC_N, STATIC_P, WHEEL_STATIC, rig_vector
 from swingid.model.sticking import BEGIN_KERNEL, choose_mode, dip, wheel_margin
 from swingid.simulation import simulate_run
@@ -195,7 +195,8 @@ def test_the_guard_lets_a_chattering_motion_go_on():
     p[STATIC_P] = p[STATIC_N] = 0.0
     work, counts = np.zeros((ROWS, STATES)), np.zeros(COUNTS, np.int64)
     work[NOW, Q1] = -0.02
-    advance(STEP_KERNEL, BEGIN_KERNEL, 0.0, 1e-3, 0.0, work, 1e-3, p, np.empty(0), np.empty((0, STATES)), counts)
+    noted = np.empty(0), np.empty((0, STATES)), np.empty((0, FIELDS)), counts
+    advance(STEP_KERNEL, BEGIN_KERNEL, 0.0, 1e-3, 0.0, work, 1e-3, p, *noted)
     assert 0 < counts[GUARDED] <= 1000
     assert counts[EVENTS] > MANY_EVENTS
     assert abs(work[NOW, V1]) < 1e-6 * 3.2e-3 / 302.2e-5

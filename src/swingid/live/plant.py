@@ -15,7 +15,7 @@ import numpy as np
 from swingid.errors import UsageError
 from swingid.live.guard import Board, Readings
 from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, STEP_KERNEL
-from swingid.model.motion import COUNTS, LONGEST, advance
+from swingid.model.motion import COUNTS, FIELDS, LONGEST, advance
 from swingid.model.parameters import OFFSET, vector
 from swingid.model.sensors import encoder_reading
 from swingid.model.sticking import BEGIN_KERNEL
@@ -145,7 +145,7 @@ class Plant:
         offset = self.values[OFFSET]
         self.values[OFFSET] = offset - self.push  # a constant friction torque is an external one of opposite sign
         t, end = self._row / self.rate, (self._row + 1) / self.rate
-        noted = self._instants, self._seen, self._counts
+        noted = self._instants, self._seen, np.zeros((0, FIELDS)), self._counts
         self._tried = advance(STEP_KERNEL, BEGIN_KERNEL, t, end, u, self._work, self._tried, self.values, *noted)
         self.values[OFFSET] = offset
         self._row += 1

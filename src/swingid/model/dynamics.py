@@ -26,13 +26,7 @@ from swingid.numerics.compiled import njit_inlined
 @njit_inlined
 def axis_load(q1: float, u: float, p: Array) -> float:
     """Right-hand side of (I) without friction (N m): gravity, springs, cogging, and the torque u of a direct drive."""
-    return held_load(q1, p[DIRECT] * u, p)
-
-
-@njit_inlined
-def held_load(q1: float, torque: float, p: Array) -> float:
-    """A torque on the axis less what its angle makes of gravity and the further terms (N m)."""
-    load = torque - p[B] * math.sin(q1)
+    load = p[DIRECT] * u - p[B] * math.sin(q1)
     return float(load - further_torque(q1, 0.0, POSITIVE, HELD, p)) if p[FURTHER] != 0.0 else float(load)
 
 

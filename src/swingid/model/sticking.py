@@ -151,12 +151,17 @@ def side(v: float) -> int:
 
 
 @njit_inlined
-def stop_reversed(work: Array, mode: Mode) -> None:
-    """Set speeds of row NOW that have passed zero against their side to exactly zero."""
-    if mode[0] * work[NOW, V1] < 0.0:
-        work[NOW, V1] = 0.0
+def stop_reversed(work: Array, mode: Mode) -> float:
+    """Set speeds of row NOW that have passed zero against their side to exactly zero.
+
+    Returns the first that has: 1 the axis', 2 the wheel's, 0 none.
+    """
+    passed = 0.0
     if mode[1] * work[NOW, V2] < 0.0:
-        work[NOW, V2] = 0.0
+        work[NOW, V2], passed = 0.0, 2.0
+    if mode[0] * work[NOW, V1] < 0.0:
+        work[NOW, V1], passed = 0.0, 1.0
+    return passed
 
 
 @njit_inlined

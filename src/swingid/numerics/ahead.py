@@ -16,11 +16,13 @@ import json
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
 from typing import Any, NamedTuple, TextIO, cast
 
 from swingid.errors import UsageError
@@ -51,6 +53,9 @@ Report = Callable[[float, float], None]
 
 KEPT = "kept"
 """What a process answers where all is well; else the reason."""
+
+ENDED = "the process that compiled it has ended"
+"""What stands in the place of an answer that does not come."""
 
 PROGRAM = "import sys; sys.path.append(sys.argv[1]); from swingid.numerics.ahead import work; work()"
 """What a process runs: the package of this one, nothing out of the folder in which the user happens to be."""
@@ -94,73 +99,56 @@ def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes
 def _compiled(kernels: list[Kernel], report: Report, count: int) -> dict[Kernel, str]:
     """The answer for each kernel of `count` processes, which end with this function, also at Ctrl-C."""
     start, whole, done = time.monotonic(), sum(kernel.seconds for kernel in kernels), 0.0
-    workers = [_Worker() for _ in range(count)]
-    free = list(workers)
+    waiting, given, answers = deque(kernels), SimpleQueue[tuple[Kernel, str]](), dict[Kernel, str]()
+    processes: list[subprocess.Popen[str]] = []
 
-    def made(kernel: Kernel) -> str:
-        worker = free.pop()
-        try:
-            return worker.compile(kernel)
-        finally:
-            free.append(worker)
+    def serve(process: subprocess.Popen[str] | None) -> None:
+        """Have a process compile kernels one by one; where it dies, another one takes the next kernel."""
+        while waiting:
+            with suppress(IndexError):  # another thread has taken the last one
+                kernel = waiting.popleft()
+                try:
+                    if process is None:
+                        processes.append(process := _process())
+                    answer = _asked(process, kernel)
+                except OSError as error:
+                    answer = f"no process could be started ({error.strerror})"
+                process = None if answer == ENDED else process
+                given.put((kernel, answer))
 
+    for _ in range(count):
+        with suppress(OSError):  # the first kernel has the reason
+            processes.append(_process())
+    first = [*processes, *[None] * (count - len(processes))]
+    threads = [Thread(target=serve, args=[process]) for process in first]
     report(0.0, 0.0)
-    answers = {}
     try:
-        with ThreadPoolExecutor(count) as threads:
-            jobs = {threads.submit(made, kernel): kernel for kernel in kernels}
-            try:
-                for job in as_completed(jobs):
-                    answers[jobs[job]] = job.result()
-                    done += jobs[job].seconds
-                    report(done / whole, time.monotonic() - start)
-            except BaseException:  # also Ctrl-C: what is in the cache stays there
-                threads.shutdown(wait=False, cancel_futures=True)
-                for worker in workers:
-                    worker.kill()  # else the threads wait for its answer
-                raise
-    finally:
-        for worker in workers:
-            worker.end()
+        for thread in threads:
+            thread.start()
+        while len(answers) < len(kernels):
+            kernel, answer = given.get()
+            answers[kernel], done = answer, done + kernel.seconds
+            report(done / whole, time.monotonic() - start)
+    finally:  # also at Ctrl-C: what has been answered is in the cache, and their own end takes most of a second
+        waiting.clear()
+        for process in processes:
+            process.kill()
+        for thread in threads:
+            if thread.is_alive():
+                thread.join()
+        for process in processes:
+            with suppress(OSError):  # what was not written to its input
+                process.communicate()
     return answers
 
 
-class _Worker:
-    """A process that compiles kernels one by one; where it dies, another one takes the next kernel."""
-
-    def __init__(self) -> None:
-        self._process: subprocess.Popen[str] | None = None
-        with suppress(OSError):  # the first kernel has the reason
-            self._process = _process()
-
-    def compile(self, kernel: Kernel) -> str:
-        """Its answer for a kernel."""
-        try:
-            self._process = self._process or _process()
-        except OSError as error:
-            return f"no process could be started ({error.strerror})"
-        stdin, stdout = cast("TextIO", self._process.stdin), cast("TextIO", self._process.stdout)
-        answer = ""
-        with suppress(OSError):  # the process has ended
-            stdin.write(json.dumps(kernel) + "\n")
-            answer = stdout.readline().strip()
-        if answer:
-            return answer
-        self.end()
-        return "the process that compiled it has ended"
-
-    def kill(self) -> None:
-        """End the process: what it has answered is in the cache, and its own end takes most of a second."""
-        if self._process is not None:
-            self._process.kill()
-
-    def end(self) -> None:
-        """End the process, and leave nothing of it."""
-        if self._process is not None:
-            self._process.kill()
-            with suppress(OSError):  # what was not written to its input
-                self._process.communicate()
-            self._process = None
+def _asked(process: subprocess.Popen[str], kernel: Kernel) -> str:
+    """Its answer for a kernel, or `ENDED`."""
+    stdin, stdout = cast("TextIO", process.stdin), cast("TextIO", process.stdout)
+    with suppress(OSError):  # the process has ended
+        stdin.write(json.dumps(kernel) + "\n")
+        return stdout.readline().strip() or ENDED
+    return ENDED
 
 
 def _process() -> subprocess.Popen[str]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from swingid.numerics.arrays import Array
-from swingid.numerics.shooting import Fit, Prediction, Reduced, Shooting
+from swingid.numerics.shooting import Fit, Reduced, Shooting
 
 CLOSE_ENOUGH = 1e-7
 """The search ends when the predicted decrease of the cost is below this share of it."""
@@ -29,18 +29,23 @@ MOST_STEPS, MOST_ROUGH_STEPS = 30, 15
 HARDEST = 1e10
 
 
-def fit_at(shooting: Shooting, values: Array, states: Array, same: Prediction | None = None) -> Fit:
-    """The point of a search at these values (m,) and states (k, s); same: the motion there, where it is known."""
-    prediction = shooting.simulate(values, states, same)
-    residuals = shooting.residuals(prediction)
+def fit_at(shooting: Shooting, values: Array, states: Array, below: float = np.inf) -> Fit:
+    """The point of a search at these values (m,) and states (k, s); without derivatives unless its cost is `below`."""
+    motion = shooting.simulate(values, states, None) if shooting.move is None else shooting.move(values, states)
+    residuals = shooting.residuals(motion)
     empty = Reduced(*(np.zeros((0, 0)) for _ in range(6)))
-    diverged = Fit(shooting, values, states, prediction, residuals, residuals, np.inf, empty)
-    if not (prediction.finite and np.isfinite(residuals).all() and np.isfinite(prediction.slopes).all()):
+    diverged = Fit(shooting, values, states, motion, residuals, residuals, np.inf, empty)
+    if not (motion.finite and np.isfinite(residuals).all()):
         return diverged
     cost, weights = shooting.cost(residuals, values)
+    if not cost < below:
+        return replace(diverged, cost=cost)
+    prediction = motion if shooting.move is None else shooting.simulate(values, states, motion)
+    if not np.isfinite(prediction.slopes).all():
+        return diverged
     with np.errstate(over="ignore", invalid="ignore"):  # squares of sensitivities that are finite may not be
         reduced = shooting.reduced(shooting.grams(prediction.slopes, residuals, weights), values)
-    if not (np.isfinite(cost) and np.isfinite(reduced.matrix).all() and np.isfinite(reduced.right).all()):
+    if not (np.isfinite(reduced.matrix).all() and np.isfinite(reduced.right).all()):
         return diverged
     return Fit(shooting, values, states, prediction, residuals, weights, cost, reduced)
 
@@ -78,7 +83,8 @@ def solve_from(here: Fit, enough: float = CLOSE_ENOUGH, damping: float = FAR, kn
         states = here.states + reduced.states(trial - here.values)
         if known is not None and _leads_to(known, here, trial, promised):
             return replace(here, values=trial)
-        there, cost = _tried(here, trial, states)
+        there = fit_at(shooting, trial, states, here.cost)
+        cost = there.cost
         if cost < here.cost:
             gained, here, damping = here.cost - cost, there, max(damping / 10, LEAST)
             if gained <= STALLED * cost:
@@ -107,19 +113,6 @@ def solve_near(here: Fit, enough: float, negligible: float) -> Fit:
         low, high = here.shooting.bounds
         here = here.moved(np.clip(here.values + step, low, high))
     return solve_from(here, enough, CLOSE)
-
-
-def _tried(here: Fit, values: Array, states: Array) -> tuple[Fit, float]:
-    """The point at these values and states, and its cost; `here` where a look at the motion alone shows no less."""
-    shooting = here.shooting
-    motion = shooting.simulate(values, states, None) if shooting.move is None else shooting.move(values, states)
-    residuals = shooting.residuals(motion)
-    finite = motion.finite and np.isfinite(residuals).all()
-    cost = shooting.cost(residuals, values)[0] if finite else np.inf
-    if not cost < here.cost:
-        return here, cost
-    there = fit_at(shooting, values, states, motion)
-    return there, there.cost
 
 
 def _leads_to(known: Fit, here: Fit, trial: Array, promised: float) -> bool:

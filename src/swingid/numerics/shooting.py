@@ -8,7 +8,7 @@ the log. About a solution the fit is linear, θ = K y: an error ρ of the readin
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -35,7 +35,8 @@ class Prediction:
     """Simulated readings (r,), their rates (r,) where known, and their derivatives (r, s + m).
 
     The derivatives are by the s initial values of the reading's segment, then by the m unknowns. finite: whether the
-    motion stayed so. steps: of the motion, where its derivatives follow along them.
+    motion stayed so. steps: of the motion, where its derivatives follow along them; of_sensors: those by unknowns of
+    the sensors, by their places, which do not.
     """
 
     outputs: Array
@@ -43,6 +44,7 @@ class Prediction:
     finite: bool = True
     rates: Array = field(default_factory=lambda: _NONE)
     steps: Any = None
+    of_sensors: Mapping[int, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -86,9 +88,10 @@ class Shooting:
         """Weighted products of all columns and the residuals (k, s + m + 1, s + m + 1), segment by segment."""
         products = []
         for first, last in pairwise(self.rows):
-            segment = slice(first, last)
+            segment, rows = slice(first, last), np.empty((last - first, slopes.shape[1] + 1))
             root = np.sqrt(weights[segment])
-            rows = np.column_stack([slopes[segment] * (root / self.sigma[segment])[:, None], residuals[segment] * root])
+            np.multiply(slopes[segment], (root / self.sigma[segment])[:, None], out=rows[:, :-1])
+            np.multiply(residuals[segment], root, out=rows[:, -1])
             products.append(gram(rows.T))
         return np.array(products)
 

@@ -7,7 +7,7 @@ import numpy as np
 from swingid.control.backstepping import backstepping_step
 from swingid.control.law import compensator_step
 from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2, Step
-from swingid.model.motion import COUNTS, LONGEST, PROBES, Advance
+from swingid.model.motion import COUNTS, FIELDS, LONGEST, PROBES, Advance
 from swingid.model.parameters import OFFSET
 from swingid.model.sensors import encoder_reading
 from swingid.model.sticking import Begin
@@ -82,6 +82,7 @@ def closed_loop(
     """
     rows = len(log)
     counts, work, tried = np.zeros(COUNTS, np.int64), np.zeros((ROWS, STATES)), LONGEST
+    nodes = np.zeros((0, FIELDS))
     for i in range(STATES):
         work[NOW, i] = y[i]
     angle_encoder, wheel_encoder = encoders[0], encoders[1]
@@ -102,7 +103,7 @@ def closed_loop(
         if k < rows:
             log[k, 2] = u
             log[k, 3] = state[0]
-        tried = move(step, begin, t, times[k + 1], u, work, tried, p, instants, seen, counts)
+        tried = move(step, begin, t, times[k + 1], u, work, tried, p, instants, seen, nodes, counts)
     for k in range(rows):
         log[k, 0] = encoder_reading(seen[reads[0, k], Q1], angle_encoder, noise[0, k])
         log[k, 1] = encoder_reading(seen[reads[1, k], Q2], wheel_encoder, noise[1, k])

@@ -28,7 +28,7 @@ from swingid.balance.wheel_equation import (
     allowed,
 )
 from swingid.calibration.motor.channels import GAP, WheelLog
-from swingid.methods.output_error.along import Steps, read_along, read_with_slopes, steps_of
+from swingid.methods.output_error.along import Steps, read_along, slopes_along, steps_of
 from swingid.methods.output_error.motion import READ_WHEEL
 from swingid.methods.output_error.unknowns import entries_of
 from swingid.model import parameters as at
@@ -146,7 +146,7 @@ class Shots:
         """Derivatives (n, 9) along the steps of a motion, by the initial values and the products (7,)."""
         entries = entries_of(list(PLACES.values()), STATES)
         initial, columns = np.array([-1, -1, 0, 1]), STATES + COUNT
-        slopes = read_with_slopes(steps, initial, wheel_vector(values), entries, np.empty(0), columns)[2]
+        slopes = slopes_along(steps, initial, wheel_vector(values), entries, np.empty(0), columns)
         slopes[:, STATES + COUPLING] -= self.rough
         return slopes
 

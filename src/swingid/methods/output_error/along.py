@@ -5,19 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.methods.output_error.motion import (
-    ANGLE,
     BLOCK,
-    FIELDS,
-    FLAG,
     READ_ANGLE,
     READ_WHEEL,
-    SPEED,
-    TURN,
-    WHEEL,
     WIDEST,
     motion_readings,
     motion_steps,
 )
+from swingid.model import motion as noted
 from swingid.model.motion import LONGEST
 from swingid.model.parameters import SIZE
 from swingid.numerics.arrays import Array, Ints
@@ -26,6 +21,9 @@ from swingid.numerics.shooting import Prediction
 
 Steps = tuple[Array, Ints]
 """The steps of a motion (n, FIELDS), and the first of each segment (k + 1,)."""
+
+READ = (np.arange(4)[:, None] & (READ_ANGLE, READ_WHEEL)) > 0
+"""Whether the angle, the wheel's angle is read, by the bits of `flags`."""
 
 CHATTERS = 50
 """Times as many steps as one per knot and `LONGEST`, from about which on a motion counts as divergent: its friction
@@ -48,10 +46,10 @@ def steps_of(
     least = max(len(knots), int(time / LONGEST))
     room = least + least // 4 + 100
     while room <= CHATTERS * least:
-        nodes = np.empty((room, FIELDS))
+        nodes = np.empty((room, noted.FIELDS))
         ended = motion_steps(step, begin, knots, inputs, flags, bounds, states, p, nodes, begins)
-        if ended >= 0:
-            return (nodes, begins) if ended else None
+        if ended != noted.FULL:
+            return None if ended == noted.DIVERGED else (nodes, begins)
         room *= 4
     return None
 
@@ -62,32 +60,22 @@ def read_along(steps: Steps | None, measured: Array) -> Prediction:
     if steps is None:
         return Prediction(measured, none, finite=False)
     nodes = steps[0][: steps[1][-1]]
-    flags = nodes[:, FLAG].astype(np.int64)
-    read = (flags[:, None] & (READ_ANGLE, READ_WHEEL)) > 0
-    outputs, rates = nodes[:, ANGLE : TURN + 1 : 2][read], nodes[:, SPEED : WHEEL + 1 : 2][read]
+    read = READ[nodes[:, noted.FLAG].astype(np.int64)]
+    outputs, rates = nodes[:, noted.ANGLE : noted.TURN + 1 : 2][read], nodes[:, noted.SPEED : noted.WHEEL + 1 : 2][read]
     return Prediction(outputs, none, rates=rates, steps=steps)
 
 
-def read_with_slopes(
+def slopes_along(
     steps: Steps, initial: Ints, p: Array, entries: tuple[Ints, Ints, Array], peaks: Array, columns: int
-) -> tuple[Array, Array, Array]:
-    """Outputs, rates and slopes (r, columns) of `motion_readings`, any number of columns, some at a time.
+) -> Array:
+    """Derivatives (r, columns ≤ `WIDEST`) of what is read along the steps of a motion, see `motion_readings`.
 
     Its room is made here, for in a kernel that costs a third of a second of compiling.
     """
+    assert columns <= WIDEST
     nodes, begins = steps
-    flags = nodes[: begins[-1], FLAG].astype(np.int64)
-    r, s, (places, to, weights) = int(np.bitwise_count(flags).sum()), int(np.max(initial)) + 1, entries
-    outputs, rates, slopes = np.empty(r), np.empty(r), np.empty((r, columns))
-    rows = np.zeros((2, SIZE + len(peaks)))
+    flags = nodes[: begins[-1], noted.FLAG].astype(np.int64)
+    slopes, rows = np.empty((int(np.bitwise_count(flags).sum()), columns)), np.zeros((2, SIZE + len(peaks)))
     room = np.zeros(BLOCK * WIDEST), np.zeros((3, 7)), np.zeros(7), rows, np.zeros((3, 9))
-    if columns <= WIDEST:
-        motion_readings(nodes, begins, initial, p, places, to, weights, peaks, outputs, rates, slopes, *room)
-        return outputs, rates, slopes
-    for first in range(s, columns, WIDEST - s):
-        chosen = (to >= first) & (to < first + WIDEST - s)
-        part = np.zeros((r, min(columns - first + s, WIDEST)))
-        mine, at, by = places[chosen], to[chosen] - first + s, weights[chosen]
-        motion_readings(nodes, begins, initial, p, mine, at, by, peaks, outputs, rates, part, *room)
-        slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]
-    return outputs, rates, slopes
+    motion_readings(nodes, begins, initial, p, *entries, peaks, slopes, *room)
+    return slopes

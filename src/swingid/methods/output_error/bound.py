@@ -12,17 +12,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.methods.output_error.problem import Input
+from swingid.methods.output_error.problem import INPUTS
 from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import unknowns_of
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import equation_of
+from swingid.preparation.scale import equation_of, refuse_motor
 from swingid.recording.recording import Recording
-
-INPUTS: dict[str, Input] = {"reaction-wheel": "voltage", "direct": "torque", "none": "none"}
 
 SINGULAR = 1e-12
 """Least eigenvalue of the information, scaled to a diagonal of ones, below which the unknowns are not identifiable."""
@@ -38,9 +36,11 @@ def cramer_rao(
     not counted. start: true angle, speed and, with a wheel, its angle and speed at the first row. They count as
     unknown; all other constants as known. Use it beside estimates from many runs, not for a log without true values.
 
-    Raises InputError for a rig without inertia or noise, UnanswerableError where the unknowns are not identifiable.
+    Raises InputError for a rig without inertia or noise, UnanswerableError where the unknowns are not identifiable,
+    or a motor is on the axis.
     """
-    equation, source = equation_of(rig), INPUTS[rig.drive.kind]
+    refuse_motor(rig, "the bound")
+    equation, source = equation_of(rig), INPUTS[rig.drive.channel]
     encoders = Encoders.of(rig)
     noise = Noise(encoders.angle.noise, encoders.wheel.noise, 1 / log.rate)
     if rig.axis.inertia is None or noise.angle == 0.0:

@@ -114,10 +114,9 @@ def _require_identifiable(estimate: Estimate) -> None:
     unknowns, matrix = estimate.unknowns, estimate.searched.fit.reduced.matrix
     scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     powers, directions = np.linalg.eigh(matrix * np.outer(scale, scale))
-    prior = (
-        unknowns.power * scale**2
-    ) @ directions**2  # beside a log that is exact to 1e-6 a prior looks like rounding
-    unseen = (powers < UNSEEN * powers[-1]) & (prior < powers / 2)
+    # beside a log that is exact to 1e-6 a prior looks like rounding, which may also be below 0
+    prior, least = (unknowns.power * scale**2) @ directions**2, np.finfo(np.float64).eps * powers[-1]
+    unseen = (powers < UNSEEN * powers[-1]) & (prior < np.maximum(powers, least) / 2)
     share = (directions[:, unseen] ** 2).sum(axis=1)
     blind = [
         item.name

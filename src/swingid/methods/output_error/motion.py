@@ -21,10 +21,11 @@ from swingid.methods.output_error.partials import (
     sliding_row,
     sliding_slopes,
 )
-from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, Step, Z
-from swingid.model.motion import COUNTS, next_step
+from swingid.model import motion as noted
+from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2, Step, Z
+from swingid.model.motion import COUNTS, LONGEST, NOTES, advanced
 from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, GEAR, SIZE
-from swingid.model.sticking import Begin, stop_reversed
+from swingid.model.sticking import Begin
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_inlined, place
 
@@ -33,15 +34,6 @@ READ_ANGLE, READ_WHEEL = 1, 2
 
 PLAIN = 2
 """Columns of `inputs` that every motion has: the command, and the change of the axis' speed (rad/s) by a kick."""
-
-MOST_STEPS = 5_000
-"""Steps between two knots beyond which the simulation is abandoned as divergent (constants far off)."""
-
-STEP, COMMAND, SIDE1, SIDE2, BRANCH, ANGLE, SPEED, TURN, WHEEL, RATE1, RATE2, END1, END2, PASSED, FLAG, KICK = range(16)
-FIELDS = KICK + 1
-"""Columns of `nodes`: length (s) of the step from here, voltage and mode in it; (q1, q1', q2, q2') here; (q1'', q2'')
-here and at the step's end; which speed has passed zero here (1 the axis', 2 the wheel's, 0 none); what is read here; by
-how much a kick has changed q1' here."""
 
 WIDEST, BLOCK = 64, 10
 """Most columns of sensitivities at a time. They lie in ten rows of this length: S (4, m) of (q1, q1', q2, q2'), then
@@ -69,74 +61,35 @@ def motion_steps(
     p: Array,
     nodes: Array,
     begins: Ints,
-) -> int:
-    """The steps of a motion, segment by segment, into the rows of `nodes` (n, FIELDS).
+) -> float:
+    """The steps of a motion, segment by segment, into the rows of `nodes` (n, FIELDS) of `model.motion`.
 
     step, begin: `STEP_KERNEL` and `BEGIN_KERNEL` of the model, or those of `axis_motion`.
     knots (n,): instants at which a voltage begins or an angle is read, s. inputs (n, c): voltage from each knot on, V,
     and kick at it; what follows becomes the tail of p. flags (n,): READ_ANGLE | READ_WHEEL. bounds (k + 1,): first knot
     of each segment. states (k, 4): (q1, q1', q2, q2') at a segment's first knot. p (SIZE + c − 2,): the rig's
-    constants. begins (k + 1,) becomes the first row of each segment and the number of rows. Returns 1, 0 where the
-    motion did not stay finite, −1 where it has more steps than rows.
+    constants. begins (k + 1,) becomes the first row of each segment and the number of rows. Returns `DIVERGED`, `FULL`,
+    or a positive number.
     """
-    work, counts, rows = np.zeros((ROWS, STATES)), np.zeros(COUNTS, dtype=np.int64), NONE
-    tail = inputs.shape[1] - PLAIN
+    work, counts, tried = np.zeros((ROWS, STATES)), np.zeros(COUNTS, dtype=np.int64), LONGEST
+    instants, seen, tail = np.zeros(0), np.zeros((0, STATES)), inputs.shape[1] - PLAIN
     for segment in range(len(bounds) - 1):
         work[NOW, Q1], work[NOW, V1] = states[segment, 0], states[segment, 1]
         work[NOW, Q2], work[NOW, V2], work[NOW, Z] = states[segment, 2], states[segment, 3], 0.0
-        tried, passed = 1e-3, 0.0
-        begins[segment] = rows
+        tried, begins[segment] = LONGEST, counts[NOTES]
         for k in range(bounds[segment], bounds[segment + 1]):
-            u, kick, flag, remaining, events, steps = inputs[k, 0], inputs[k, 1], float(flags[k]), 0.0, NONE, NONE
             if tail > 0:
                 work[NOW, Z] = 0.0
             for i in range(tail):
                 p[SIZE + i] = inputs[k, PLAIN + i]
-            work[NOW, V2] -= p[A12] / p[A22] * kick
-            if k + 1 < bounds[segment + 1]:
-                remaining = knots[k + 1] - knots[k]
-            mode, ended, going = (NONE, NONE, NONE), True, True
-            while going:
-                if ended:
-                    mode = begin(work, u, p)
-                if rows == len(nodes):
-                    return -1
-                _note(nodes, rows, work, mode, u, passed, flag, kick)
-                rows, passed, flag, kick = rows + 1, 0.0, 0.0, 0.0
-                if remaining <= 0.0:
-                    break
-                h, tried, ended = next_step(step, remaining, tried, work, mode, u, p, events, counts)
-                nodes[rows - 1, STEP] = h
-                nodes[rows - 1, END1], nodes[rows - 1, END2] = work[LAST, V1], work[LAST, V2]
-                remaining = 0.0 if not ended and h >= remaining else remaining - h
-                steps += 1
-                for i in range(STATES):
-                    work[NOW, i], work[FIRST, i] = work[NEW, i], work[LAST, i]
-                if ended:
-                    events += 1
-                    if mode[0] * work[NOW, V1] < 0.0:
-                        passed = 1.0
-                    elif mode[1] * work[NOW, V2] < 0.0:
-                        passed = 2.0
-                    stop_reversed(work, mode)
-                if steps > MOST_STEPS or not abs(work[NOW, V1]) + abs(work[NOW, V2]) < 1e6:
-                    return 0
-                # what follows an event is noted also where no time is left
-                going = ended or remaining > 0.0
-    begins[len(bounds) - 1] = rows
-    return 1
-
-
-@njit_inlined
-def _note(nodes: Array, row: int, work: Array, mode: Mode, u: float, passed: float, flag: float, kick: float) -> None:
-    """Row NOW of `work` and what holds from it on into a row of `nodes`, with a step of no length."""
-    nodes[row, STEP], nodes[row, COMMAND] = 0.0, u
-    nodes[row, PASSED], nodes[row, FLAG], nodes[row, KICK] = passed, flag, kick
-    nodes[row, SIDE1], nodes[row, SIDE2], nodes[row, BRANCH] = mode[0], mode[1], mode[2]
-    nodes[row, ANGLE], nodes[row, SPEED] = work[NOW, Q1], work[NOW, V1]
-    nodes[row, TURN], nodes[row, WHEEL] = work[NOW, Q2], work[NOW, V2]
-    nodes[row, RATE1], nodes[row, RATE2] = work[FIRST, V1], work[FIRST, V2]
-    nodes[row, END1], nodes[row, END2] = work[FIRST, V1], work[FIRST, V2]
+            work[NOW, V2] -= p[A12] / p[A22] * inputs[k, 1]
+            row, length = counts[NOTES], knots[k + 1] - knots[k] if k + 1 < bounds[segment + 1] else 0.0
+            tried = advanced(step, begin, 0.0, length, inputs[k, 0], work, tried, p, instants, seen, nodes, counts)
+            if tried <= 0.0:
+                return tried
+            nodes[row, noted.FLAG], nodes[row, noted.KICK] = flags[k], inputs[k, 1]
+    begins[len(bounds) - 1] = counts[NOTES]
+    return tried
 
 
 @njit
@@ -149,8 +102,6 @@ def motion_readings(
     columns: Ints,
     weights: Array,
     peaks: Array,
-    outputs: Array,
-    rates: Array,
     slopes: Array,
     block: Array,
     points: Array,
@@ -158,13 +109,13 @@ def motion_readings(
     rows: Array,
     jacobian: Array,
 ) -> None:
-    """What is read along the steps of `motion_steps`, and its derivatives.
+    """Derivatives of what is read along the steps of `motion_steps`.
 
     initial (4,): columns of the initial values of (q1, q1', q2, q2'), −1 of those that are no unknowns. p (SIZE,): the
     constants of these steps. places, columns, weights: each constant of p that moves with an unknown; place SIZE + k is
-    the height of a Stribeck's peak of the speed peaks[k] (rad/s), which the motion has not. outputs (r,) in rad, their
-    rates (r,) in rad/s and slopes (r, m), m ≤ WIDEST: derivatives by the initial values of the row's segment, then by
-    the unknowns. block and what follows it: room, of zeros.
+    the height of a Stribeck's peak of the speed peaks[k] (rad/s), which the motion has not. slopes (r, m), m ≤ WIDEST:
+    derivatives by the initial values of the row's segment, then by the unknowns. block and what follows it: room, of
+    zeros.
     """
     m, r = slopes.shape[1], NONE
     wide = (m + 7) // 8 * 8
@@ -172,44 +123,42 @@ def motion_readings(
         for i in range(4 * WIDEST):
             block[i] = 1.0 if i % WIDEST == initial[i // WIDEST] else 0.0
         for i in range(2):  # the speed of what rests has no effect
-            if nodes[begins[segment], SIDE1 + i] == 0.0 and initial[2 * i + 1] >= 0:
+            if nodes[begins[segment], noted.SIDE1 + i] == 0.0 and initial[2 * i + 1] >= 0:
                 block[(2 * i + 1) * WIDEST + initial[2 * i + 1]] = 0.0
         for n in range(begins[segment], begins[segment + 1]):
-            if nodes[n, KICK] != 0.0:
+            if nodes[n, noted.KICK] != 0.0:
                 for e in range(len(places)):
                     if places[e] == A12:
-                        block[3 * WIDEST + columns[e]] -= weights[e] * nodes[n, KICK] / p[A22]
-            if nodes[n, PASSED] != 0.0:
+                        block[3 * WIDEST + columns[e]] -= weights[e] * nodes[n, noted.KICK] / p[A22]
+            if nodes[n, noted.PASSED] != 0.0:
                 _leap(nodes, n, block)
-            flag = nodes[n, FLAG]
+            flag = nodes[n, noted.FLAG]
             if flag >= READ_ANGLE and flag != READ_WHEEL:
-                outputs[r], rates[r] = nodes[n, ANGLE], nodes[n, SPEED]
                 for c in range(m):
                     slopes[r, c] = block[c]
                 r += 1
             if flag >= READ_WHEEL:
-                outputs[r], rates[r] = nodes[n, TURN], nodes[n, WHEEL]
                 for c in range(m):
                     slopes[r, c] = block[2 * WIDEST + c]
                 r += 1
-            if nodes[n, STEP] > 0.0:
+            if nodes[n, noted.STEP] > 0.0:
                 _points(nodes, n, p, points, mode)
                 for i in range(4, BLOCK):
                     for c in range(wide):
                         block[i * WIDEST + c] = 0.0
                 for at in range(3):
                     _slopes_at(at, points, mode, p, rows, places, columns, weights, peaks, jacobian, block)
-                _carry(nodes[n, STEP], block, jacobian, wide)
+                _carry(nodes[n, noted.STEP], block, jacobian, wide)
 
 
 @njit_inlined
 def _leap(nodes: Array, n: int, block: Array) -> None:
     """The jump of S where a speed has passed zero; (q1'', q2'') until then are at the end of the step before."""
-    before1, before2 = nodes[n - 1, END1], nodes[n - 1, END2]
-    speed, rate = (WIDEST, before1) if nodes[n, PASSED] == 1.0 else (3 * WIDEST, before2)
+    before1, before2 = nodes[n - 1, noted.END1], nodes[n - 1, noted.END2]
+    speed, rate = (WIDEST, before1) if nodes[n, noted.PASSED] == 1.0 else (3 * WIDEST, before2)
     if rate == 0.0:
         return
-    jump1, jump2 = (nodes[n, RATE1] - before1) / rate, (nodes[n, RATE2] - before2) / rate
+    jump1, jump2 = (nodes[n, noted.RATE1] - before1) / rate, (nodes[n, noted.RATE2] - before2) / rate
     for c in range(WIDEST):
         passed = block[speed + c]
         block[WIDEST + c] += jump1 * passed
@@ -222,14 +171,15 @@ def _points(nodes: Array, n: int, p: Array, points: Array, mode: Array) -> None:
 
     The middle is that of the quintic, its speed that of the cubic: a measured wheel's angle and speed differ a little.
     """
-    h, end = nodes[n, STEP], n + 1
-    if mode[0] != nodes[n, SIDE1] or mode[1] != nodes[n, SIDE2]:
-        _free(nodes[n, SIDE1] != 0.0, nodes[n, SIDE2] != 0.0, p, mode)
-    mode[0], mode[1], mode[2], mode[3] = nodes[n, SIDE1], nodes[n, SIDE2], nodes[n, BRANCH], nodes[n, COMMAND]
-    points[0, 0], points[0, 1], points[0, 2] = nodes[n, ANGLE], nodes[n, SPEED], nodes[n, WHEEL]
-    points[2, 0], points[2, 1], points[2, 2] = nodes[end, ANGLE], nodes[end, SPEED], nodes[end, WHEEL]
+    h, end = nodes[n, noted.STEP], n + 1
+    if mode[0] != nodes[n, noted.SIDE1] or mode[1] != nodes[n, noted.SIDE2]:
+        _free(nodes[n, noted.SIDE1] != 0.0, nodes[n, noted.SIDE2] != 0.0, p, mode)
+    mode[0], mode[1] = nodes[n, noted.SIDE1], nodes[n, noted.SIDE2]
+    mode[2], mode[3] = nodes[n, noted.BRANCH], nodes[n, noted.COMMAND]
+    points[0, 0], points[0, 1], points[0, 2] = nodes[n, noted.ANGLE], nodes[n, noted.SPEED], nodes[n, noted.WHEEL]
+    points[2, 0], points[2, 1], points[2, 2] = nodes[end, noted.ANGLE], nodes[end, noted.SPEED], nodes[end, noted.WHEEL]
     for i in range(2):
-        begin, last = nodes[n, RATE1 + i], nodes[n, END1 + i]
+        begin, last = nodes[n, noted.RATE1 + i], nodes[n, noted.END1 + i]
         points[0, 3 + i], points[2, 3 + i] = begin, last
         first, second = points[0, 1 + i], points[2, 1 + i]
         points[1, 1 + i] = 0.5 * (first + second) + 0.125 * h * (begin - last)

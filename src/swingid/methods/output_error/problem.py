@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from swingid.methods.output_error.along import Steps, read_along, read_with_slopes, steps_of
+from swingid.methods.output_error.along import read_along, slopes_along, steps_of
 from swingid.methods.output_error.axis_motion import AXIS_BEGIN, AXIS_STEP
 from swingid.methods.output_error.motion import PLAIN
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
@@ -21,6 +21,9 @@ from swingid.numerics.shooting import Prediction, Shooting
 from swingid.preparation.encoders import Encoders
 
 Input = Literal["voltage", "wheel", "torque", "none"]
+
+INPUTS: dict[str | None, Input] = {"wheel_angle": "voltage", "torque": "torque", None: "none"}
+"""What drives a simulation of all channels, by the channel by which the drive acts in equation (I)."""
 
 NO_PEAKS = np.empty(0)
 
@@ -71,13 +74,13 @@ class Problem:
         unknowns: how many such columns. same: a prediction of the same motion, whose steps are used again. peaks: see
         `motion.motion_readings`.
         """
-        p = self._constants(p)
-        steps = self._steps(p, states) if same is None else same.steps
-        if steps is None:
-            return read_along(None, self.measured)
+        motion = self._motion(p, states) if same is None else same
+        if motion.steps is None:
+            return motion
         initial = np.where(np.arange(4) < self.states, np.arange(4), -1)
-        outputs, rates, slopes = read_with_slopes(steps, initial, p, entries, peaks, self.states + unknowns)
-        return Prediction(outputs, slopes, rates=rates, steps=steps)
+        columns = self.states + unknowns
+        slopes = slopes_along(motion.steps, initial, self._constants(p), entries, peaks, columns)
+        return replace(motion, slopes=slopes)
 
     def _constants(self, p: Array) -> Array:
         """The constants as the motion takes them: with another input than the voltage the motor does nothing."""
@@ -88,12 +91,14 @@ class Problem:
         constants[A12] -= constants[DIRECT]
         return constants
 
-    def _steps(self, p: Array, states: Array) -> Steps | None:
-        """The steps of the motion; None where it diverges."""
+    def _motion(self, p: Array, states: Array) -> Prediction:
+        """What is read along the motion under the constants p (SIZE,), without derivatives."""
         whole = np.zeros((len(states), 4))
         whole[:, : self.states] = states
         step, begin = (STEP_KERNEL, BEGIN_KERNEL) if self.input == "voltage" else (AXIS_STEP, AXIS_BEGIN)
-        return steps_of(step, begin, self.knots, self.inputs, self.flags, self.bounds, whole, p)
+        constants = self._constants(p)
+        steps = steps_of(step, begin, self.knots, self.inputs, self.flags, self.bounds, whole, constants)
+        return read_along(steps, self.measured)
 
     def shooting(self, unknowns: Unknowns, loss: str = "linear") -> Shooting:
         """Least squares of these readings; `loss`: one of `LOSSES`."""
@@ -120,14 +125,16 @@ class Problem:
 
     def fitted(self, unknowns: Unknowns, values: Array, states: Array, same: Prediction | None = None) -> Prediction:
         """Readings and their derivatives for values (m,) of the unknowns; same: the motion, where it is known."""
+        same = self.moved(unknowns, values, states) if same is None else same
         entries = unknowns.entries(self.states)
-        prediction = self.predict(unknowns.vector(values), entries, states, len(unknowns), same=same)
-        return as_read(prediction, self, unknowns.names, values)
+        prediction = self.predict(unknowns.vector(values), entries, states, len(unknowns), same)
+        for k, column in prediction.of_sensors.items():
+            prediction.slopes[:, self.states + k] = column
+        return prediction
 
     def moved(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:
         """The same readings without their derivatives (r, 0)."""
-        steps = self._steps(self._constants(unknowns.vector(values)), states)
-        return as_read(read_along(steps, self.measured), self, unknowns.names, values)
+        return as_read(self._motion(unknowns.vector(values), states), self, unknowns.names, values)
 
     def part(self, chosen: list[int], most: int = 1 << 62) -> Problem:
         """The problem of some of the segments; most: knots of each, from its first one on."""
@@ -146,27 +153,24 @@ def as_read(prediction: Prediction, problem: Problem, names: Sequence[str], valu
     """The measurement equation: zero offset, once-per-turn nonlinearity and latency added to the predicted angles.
 
     Each is proportional to one number that rig.toml states with an uncertainty, which is an unknown of the fit. names,
-    values (m,): of all unknowns, in the order of the slopes' columns; the derivatives are written into the slopes. A
-    motion that diverged has no readings.
+    values (m,): of all unknowns, by whose places `of_sensors` has the derivatives. A motion that diverged has no
+    readings.
     """
     if not prediction.finite:
         return prediction
     ours = [k for k, name in enumerate(names) if name == ZERO or name.startswith("sensors.")]
-    outputs = prediction.outputs.copy() if ours else prediction.outputs
+    outputs, columns = prediction.outputs.copy() if ours else prediction.outputs, {}
     # the latency acts on the angle that the nonlinearity is a function of, so it comes first
     for k in sorted(ours, key=lambda k: not names[k].endswith("latency")):
         here = problem.wheel if names[k].startswith("sensors.wheel.") else ~problem.wheel
-        column = prediction.slopes[:, problem.states + k] if prediction.slopes.size else np.empty(len(outputs))
         if names[k] == ZERO:
-            column[:] = here
-            outputs += float(values[k]) * here
-            continue
-        rates, times = prediction.rates[here], problem.times[here]
-        added, slope = _effect(names[k], float(values[k]), outputs[here], rates, times)
-        column[:] = 0.0
-        column[here] = slope
-        outputs[here] += added
-    return replace(prediction, outputs=outputs)
+            outputs[here] += values[k]
+            columns[k] = here.astype(np.float64)
+        else:
+            columns[k], rates, times = np.zeros(len(outputs)), prediction.rates[here], problem.times[here]
+            added, columns[k][here] = _effect(names[k], float(values[k]), outputs[here], rates, times)
+            outputs[here] += added
+    return replace(prediction, outputs=outputs, of_sensors=columns)
 
 
 def _effect(name: str, value: float, angle: Array, rate: Array, time: Array) -> tuple[Array, Array]:

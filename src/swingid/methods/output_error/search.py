@@ -12,6 +12,7 @@ import numpy as np
 
 from swingid.balance.friction_laws import EXACT, SIDES, law_terms, parameter_weights
 from swingid.balance.law_choice import CANDIDATES, LawChoice
+from swingid.methods.output_error.along import read_along
 from swingid.methods.output_error.constants import constant_value, free_key
 from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
@@ -236,14 +237,14 @@ def _products(rough: Searched, body: list[int], peaks: Array) -> tuple[Reduced, 
     The peaks have one motion, as their height is 0 in it. Also what gives the step of the initial values.
     """
     problem, unknowns, fit = rough.problem, rough.unknowns, rough.fit
-    names = (*(unknowns.names[k] for k in body), *EXACT)
     places = [*(unknowns.items[k].places for k in body), *(PLACES_OF_TERMS[name] for name in EXACT)]
     # a column for each peak, whose height the motion does not have, and one for the residuals
     places += [*(((SIZE + k, 1.0),) for k in range(len(peaks))), ()]
     p, entries = unknowns.vector(fit.values), entries_of(places, problem.states)
-    prediction = problem.predict(p, entries, fit.states, len(places), fit.prediction, peaks)
-    read = np.concatenate([fit.values[body], np.zeros(len(EXACT))])
-    extended = as_read(prediction, problem, names, read).slopes
+    extended = problem.predict(p, entries, fit.states, len(places), fit.prediction, peaks).slopes
+    read = as_read(read_along(fit.prediction.steps, problem.measured), problem, unknowns.names, fit.values)
+    for k, column in read.of_sensors.items():
+        extended[:, problem.states + body.index(k)] = column
     extended[:, -1] = problem.sigma * fit.residuals
     reduced = fit.shooting.reduced(fit.shooting.grams(extended, fit.residuals, fit.weights))
     # the prior of each, as one more residual

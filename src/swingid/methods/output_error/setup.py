@@ -13,7 +13,7 @@ from swingid.checks.consistency import require_signs
 from swingid.checks.momentum import MomentumCheck
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.methods.output_error.constants import uncertain_constants
-from swingid.methods.output_error.problem import Input, Problem
+from swingid.methods.output_error.problem import INPUTS, Input, Problem
 from swingid.methods.output_error.segments import FEWEST_ROWS, problem_of
 from swingid.methods.output_error.unknowns import Unknowns, friction_unknowns, unknowns_of
 from swingid.model.equation import Equation
@@ -183,7 +183,7 @@ def input_of(wanted: object, log: Recording, rig: Rig) -> Input:
     if rig.drive.wheel is None:
         if wanted is not None:
             raise UsageError(f"input belongs to a reaction wheel, not to drive {rig.drive.kind!r}.", code="no-input")
-        return "torque" if rig.drive.channel == "torque" else "none"
+        return INPUTS.get(rig.drive.channel, "none")
     if wanted not in (None, "voltage", "wheel"):
         raise UsageError(f'unknown input {wanted!r}; choose "voltage" or "wheel".', code="unknown-input")
     motor = rig.drive.motor

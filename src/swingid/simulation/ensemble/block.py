@@ -23,21 +23,20 @@ TOGETHER = 16
 
 @njit_lane
 def write(lane: Array, log: Array, kept: Array, k: int, channels: tuple[int, int]) -> None:
-    """Row k of the channels of all runs into `kept` (4 * TOGETHER * LANES,), and from there into the log."""
+    """Row k of the channels of all runs into `kept` (4, TOGETHER, LANES), and from there into the log."""
     widest()
     at_row, rows = k % TOGETHER, log.shape[2]
     for channel in range(channels[0], channels[1]):
-        first = (at.ANGLE_READING + channel) * LANES if channel < 3 else at.K_TILDE * LANES
-        place = (channel * TOGETHER + at_row) * LANES
+        row = at.ANGLE_READING + channel if channel < 3 else at.K_TILDE
         for i in range(LANES):
-            kept[place + i] = lane[first + i]
+            kept[channel, at_row, i] = lane[row, i]
     if at_row < TOGETHER - 1 and k < rows - 1:
         return
     for channel in range(channels[0], channels[1]):
         for i in range(log.shape[1]):
-            line, place = log[channel, i], channel * TOGETHER * LANES + i
+            line = log[channel, i]
             for j in range(at_row + 1):
-                line[k - at_row + j] = kept[place + j * LANES]
+                line[k - at_row + j] = kept[channel, j, i]
 
 
 @njit_lane
@@ -47,13 +46,13 @@ def refer(lane: Array, inputs: Array, which: Ints, k: int) -> tuple[bool, float]
     shared = inputs.shape[1] == 1
     if not shared:
         for i in range(LANES):
-            lane[at.REFERENCE * LANES + i] = inputs[k, which[i]]
+            lane[at.REFERENCE, i] = inputs[k, which[i]]
     return shared, inputs[k, 0]
 
 
 @njit_threads
 def run_block(
-    lane: Array,
+    block: Array,
     inputs: Array,
     which: Ints,
     place: Ints,
@@ -69,9 +68,9 @@ def run_block(
     order: int | None,
     steps_back: int | None,
 ) -> bool:
-    """Run a block from `place` on for all rows of `inputs`, moving `lane` in place; whether `advance` must take over.
+    """Run a block from `place` on for all rows of `inputs`, moving its rows in place; whether `advance` must take over.
 
-    Then it has to take what LEFT says of each run, and this is called again. lane (ROWS * LANES,): as `lanes` says.
+    Then it has to take what LEFT says of each run, and this is called again. block (1,): of `lanes.BLOCK`.
     inputs (rows, references): rad; V or N m where the loop is open. which (LANES,): each run's column of them. kinds:
     whether the loop is closed, some encoder is nonlinear. steps of a sample, each of h (s). noise (2, rows or none,
     LANES) (rad). log (channels, runs <= LANES, rows) receives angle, wheel angle, command and k tilde of every row, as
@@ -79,7 +78,7 @@ def run_block(
     last four: as `move` and `command_all` say.
     """
     widest()
-    closed, bent = kinds
+    lane, (closed, bent) = block[0]["rows"], kinds
     total, rows, rate = len(inputs), log.shape[2], 1.0 / (h * steps)
     fading, count = 1, 0
     while place[ROW] < total:
@@ -99,8 +98,9 @@ def run_block(
             if k < rows:
                 write(lane, log, kept, k, (0 if is_late is None else min(2, len(log)), len(log)))
             if k == rows - 1:
-                for i in range(4 * LANES):
-                    lane[at.END * LANES + i] = lane[at.Q1 * LANES + i]
+                for row in range(4):
+                    for i in range(LANES):
+                        lane[at.END + row, i] = lane[at.Q1 + row, i]
                 if is_late is None:
                     break
         while place[STEP] < steps:
@@ -112,14 +112,14 @@ def run_block(
             place[STEP] += 1
             if is_late is not None:
                 fill(lane, late, step, steps)
-            if count > 0 and redo(lane, late, step, steps, rich, is_late):
+            if count > 0 and redo(block, late, step, steps, rich, is_late):
                 return True
         place[ROW], place[STEP] = k + 1, 0
     if is_late is not None and len(log) > 0:
         for k in range(rows):
             for i in range(LANES):
-                lane[at.THERE * LANES + i] = late[1][k, 0, i]
-                lane[(at.THERE + 1) * LANES + i] = late[1][k, 1, i]
+                lane[at.THERE, i] = late[1][k, 0, i]
+                lane[at.THERE + 1, i] = late[1][k, 1, i]
             read_all(lane, at.THERE, at.THERE + 1, bent, noise, k)
             write(lane, log, kept, k, (0, 2))
     return False

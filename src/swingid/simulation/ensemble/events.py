@@ -54,16 +54,16 @@ WIDTH = 0.7
 @njit_lane
 def unsupported(lane: Array, i: int) -> float:
     """Torque (N m) that friction would have to hold for run i's axis to rest, without the wheel's."""
-    return float(held(lane, i) - lane[at.GRAVITY * LANES + i] * lane[at.SINE * LANES + i])
+    return float(held(lane, i) - lane[at.GRAVITY, i] * lane[at.SINE, i])
 
 
 @njit_lane
 def sleeps(lane: Array, i: int) -> bool:
     """Return whether all of run i rests, and nothing would move it within the step."""
-    u, y, hold = lane[at.U * LANES + i], lane[at.Y * LANES + i], unsupported(lane, i)
+    u, y, hold = lane[at.U, i], lane[at.Y, i], unsupported(lane, i)
     _, _, drive, _, _, _ = motor(lane, i, y)
-    moves = (hold > lane[at.STATIC_P * LANES + i]) | (hold < -lane[at.STATIC_N * LANES + i])
-    moves |= abs(drive) > lane[at.WHEEL_STATIC * LANES + i]
+    moves = (hold > lane[at.STATIC_P, i]) | (hold < -lane[at.STATIC_N, i])
+    moves |= abs(drive) > lane[at.WHEEL_STATIC, i]
     return bool((u == 0.0) & (y == 0.0) & (not moves))
 
 
@@ -83,19 +83,19 @@ def begin(lane: Array, is_late: int | None) -> tuple[int, int]:
     widest()
     count, undecided = 0, 0
     for i in range(LANES):
-        u, y, sticks = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.AXIS_STICKS * LANES + i] != 0.0
-        flagged, even = lane[at.FLAG * LANES + i] != 0.0, lane[at.AXIS_KINK * LANES + i] != 0.0
+        u, y, sticks = lane[at.U, i], lane[at.Y, i], lane[at.AXIS_STICKS, i] != 0.0
+        flagged, even = lane[at.FLAG, i] != 0.0, lane[at.AXIS_KINK, i] != 0.0
         if is_late is None:
             flagged &= not sleeps(lane, i)
         still = 1.0 if even & (not sticks) else 0.0
-        lane[at.SIDE1 * LANES + i] = 1.0 if u > 0.0 else (-1.0 if u < 0.0 else still)
-        still = 1.0 if lane[at.WHEEL_STATIC * LANES + i] == 0.0 else 0.0
-        lane[at.SIDE2 * LANES + i] = 1.0 if y > 0.0 else (-1.0 if y < 0.0 else still)
+        lane[at.SIDE1, i] = 1.0 if u > 0.0 else (-1.0 if u < 0.0 else still)
+        still = 1.0 if lane[at.WHEEL_STATIC, i] == 0.0 else 0.0
+        lane[at.SIDE2, i] = 1.0 if y > 0.0 else (-1.0 if y < 0.0 else still)
         deciding = flagged & (u == 0.0) & (not sticks) & (not even)
-        lane[at.UNDECIDED * LANES + i] = 1.0 if deciding else 0.0
-        lane[at.REMAINING * LANES + i] = 1.0 if flagged else 0.0
-        lane[at.BEGIN * LANES + i] = 0.0 if flagged else 1.0
-        lane[at.LEFT * LANES + i] = 0.0
+        lane[at.UNDECIDED, i] = 1.0 if deciding else 0.0
+        lane[at.REMAINING, i] = 1.0 if flagged else 0.0
+        lane[at.BEGIN, i] = 0.0 if flagged else 1.0
+        lane[at.LEFT, i] = 0.0
         count += 1 if flagged else 0
         undecided += 1 if deciding else 0
     return count, undecided
@@ -105,8 +105,8 @@ def begin(lane: Array, is_late: int | None) -> tuple[int, int]:
 def mobility(lane: Array, i: int, rest1: bool, rest2: bool) -> tuple[float, float, float]:
     """Run i's mobilities where axis or wheel may rest."""
     both = not (rest1 | rest2)
-    m11, m12, m22 = lane[at.M11 * LANES + i], lane[at.M12 * LANES + i], lane[at.M22 * LANES + i]
-    alone1, alone2 = lane[at.ALONE1 * LANES + i], lane[at.ALONE2 * LANES + i]
+    m11, m12, m22 = lane[at.M11, i], lane[at.M12, i], lane[at.M22, i]
+    alone1, alone2 = lane[at.ALONE1, i], lane[at.ALONE2, i]
     m11 = m11 if both else (0.0 if rest1 else alone1)
     return m11, (m12 if both else 0.0), (m22 if both else (0.0 if rest2 else alone2))
 
@@ -114,29 +114,25 @@ def mobility(lane: Array, i: int, rest1: bool, rest2: bool) -> tuple[float, floa
 @njit_lane
 def pulls(lane: Array, i: int, mobile: tuple[float, float, float]) -> series.Pair:
     """Gravity's part of run i's U' and Y' with these mobilities, per sine."""
-    gravity = lane[at.GRAVITY * LANES + i]
+    gravity = lane[at.GRAVITY, i]
     return -mobile[0] * gravity, mobile[1] * gravity
 
 
 @njit_lane
 def beyond(lane: Array, i: int, hold1: float, hold2: float, rest1: bool, rest2: bool) -> bool:
     """Return whether what rests of run i would be released by these torques (N m)."""
-    positive, negative = lane[at.STATIC_P * LANES + i], lane[at.STATIC_N * LANES + i]
+    positive, negative = lane[at.STATIC_P, i], lane[at.STATIC_N, i]
     axis = rest1 & ((hold1 > positive) | (hold1 < -negative))
-    return bool(axis | (rest2 & (abs(hold2) > lane[at.WHEEL_STATIC * LANES + i])))
+    return bool(axis | (rest2 & (abs(hold2) > lane[at.WHEEL_STATIC, i])))
 
 
 @njit_lane
 def leave(lane: Array, i: int, leaves: bool) -> None:
     """Leave what is still to be taken of run i's step to the single run, if so."""
-    remaining, outside, undecided = (
-        lane[at.REMAINING * LANES + i],
-        lane[at.LEFT * LANES + i],
-        lane[at.UNDECIDED * LANES + i],
-    )
-    lane[at.LEFT * LANES + i] = remaining if leaves else outside
-    lane[at.REMAINING * LANES + i] = 0.0 if leaves else remaining
-    lane[at.UNDECIDED * LANES + i] = 0.0 if leaves else undecided
+    remaining, outside, undecided = lane[at.REMAINING, i], lane[at.LEFT, i], lane[at.UNDECIDED, i]
+    lane[at.LEFT, i] = remaining if leaves else outside
+    lane[at.REMAINING, i] = 0.0 if leaves else remaining
+    lane[at.UNDECIDED, i] = 0.0 if leaves else undecided
 
 
 @njit_lane
@@ -146,27 +142,22 @@ def try_mode(lane: Array, i: int, interval: tuple[float, float], both: bool, las
     both: for runs whose axis and wheel stand still, else for the others. Where none agrees, after the `last` what is
     still to be taken of the step is left. 1 where the run is still undecided.
     """
-    u, y, side1, side2 = (
-        lane[at.U * LANES + i],
-        lane[at.Y * LANES + i],
-        lane[at.SIDE1 * LANES + i],
-        lane[at.SIDE2 * LANES + i],
-    )
-    still1, still2, undecided = u == 0.0, y == 0.0, lane[at.UNDECIDED * LANES + i] != 0.0
+    u, y, side1, side2 = lane[at.U, i], lane[at.Y, i], lane[at.SIDE1, i], lane[at.SIDE2, i]
+    still1, still2, undecided = u == 0.0, y == 0.0, lane[at.UNDECIDED, i] != 0.0
     side1, side2 = (interval[0] if still1 else side1), (interval[1] if still2 else side2)
     rest1, rest2, hold = side1 == 0.0, side2 == 0.0, unsupported(lane, i)
     _, _, drive, _, _, _ = motor(lane, i, y)
     mobile = mobility(lane, i, rest1, rest2)
     k1, k2 = start(lane, i, (side1, side2), mobile, pulls(lane, i, mobile), rich)
-    a12, sticks = lane[at.A12 * LANES + i], lane[at.AXIS_STICKS * LANES + i] != 0.0
+    a12, sticks = lane[at.A12, i], lane[at.AXIS_STICKS, i] != 0.0
     mine = undecided & ((still1 & still2) == both)
     agrees = mine & (not beyond(lane, i, hold - a12 * k2, drive - a12 * k1, rest1 & still1, rest2 & still2))
-    agrees &= (sticks | (not rest1)) & ((lane[at.WHEEL_STATIC * LANES + i] > 0.0) | (not rest2))
+    agrees &= (sticks | (not rest1)) & ((lane[at.WHEEL_STATIC, i] > 0.0) | (not rest2))
     agrees &= ((not still1) | (side1 * k1 >= -ROUNDING)) & ((not still2) | (side2 * k2 >= -ROUNDING))
-    was1, was2 = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
-    lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i] = (side1 if agrees else was1), (side2 if agrees else was2)
+    was1, was2 = lane[at.SIDE1, i], lane[at.SIDE2, i]
+    lane[at.SIDE1, i], lane[at.SIDE2, i] = (side1 if agrees else was1), (side2 if agrees else was2)
     undecided &= not agrees
-    lane[at.UNDECIDED * LANES + i] = 1.0 if undecided else 0.0
+    lane[at.UNDECIDED, i] = 1.0 if undecided else 0.0
     leave(lane, i, undecided & mine & last)
     return 1 if undecided else 0
 
@@ -199,20 +190,13 @@ def longest(cu: series.Derivatives, cy: series.Derivatives, spike: float, rich: 
 
 
 @njit_lane
-def of(lane: Array, i: int, first: int) -> series.Derivatives:
-    """Run i's series whose rows begin at `first`."""
-    place = first * LANES + i
-    return lane[place], lane[place + LANES], lane[place + 2 * LANES], lane[place + 3 * LANES], lane[place + 4 * LANES]
-
-
-@njit_lane
 def begin_part(lane: Array, i: int, rich: int | None) -> None:
     """Run i's `start` for its next part, where axis or wheel may rest."""
-    sides = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
+    sides = lane[at.SIDE1, i], lane[at.SIDE2, i]
     mobile = mobility(lane, i, sides[0] == 0.0, sides[1] == 0.0)
     pull = pulls(lane, i, mobile)
-    lane[at.PULLS * LANES + i], lane[(at.PULLS + 1) * LANES + i] = pull
-    lane[at.MOBILE * LANES + i], lane[(at.MOBILE + 1) * LANES + i] = mobile[0], mobile[1]
+    lane[at.PULLS, i], lane[at.PULLS + 1, i] = pull
+    lane[at.MOBILE, i], lane[at.MOBILE + 1, i] = mobile[0], mobile[1]
     start(lane, i, sides, mobile, pull, rich)
 
 
@@ -221,10 +205,10 @@ def expand(lane: Array, i: int, rich: int | None) -> None:
     """Run i's series, and how long the part may be by it."""
     cu, cy = climb(lane, i, at.PULLS, at.MOBILE, rich)
     keep(lane, i, cu, cy)
-    u, remaining = lane[at.U * LANES + i], lane[at.REMAINING * LANES + i]
-    x = min(remaining, longest(cu, cy, lane[at.PEAK * LANES + i], rich))
+    u, remaining = lane[at.U, i], lane[at.REMAINING, i]
+    x = min(remaining, longest(cu, cy, lane[at.PEAK, i], rich))
     far = abs(u) + abs(cu[0])
-    lane[at.PART * LANES + i] = x if x * far < LARGEST_TURN else LARGEST_TURN / far
+    lane[at.PART, i] = x if x * far < LARGEST_TURN else LARGEST_TURN / far
 
 
 @njit_lane
@@ -232,36 +216,36 @@ def passes(lane: Array, i: int, u_end: float, y_end: float) -> tuple[bool, bool,
     """Return whether run i's axis or wheel stops, or its torque passes an edge, before a part ends; which edge (N
     m).
     """
-    y, edge_p, edge_n = lane[at.Y * LANES + i], lane[at.EDGE_P * LANES + i], lane[at.EDGE_N * LANES + i]
+    y, edge_p, edge_n = lane[at.Y, i], lane[at.EDGE_P, i], lane[at.EDGE_N, i]
     volts, emf, _, _, above, below = motor(lane, i, y)
     torque = volts - emf * y_end
     over, under = torque > edge_p, torque < edge_n
-    stops1 = lane[at.SIDE1 * LANES + i] * u_end < lane[at.AXIS_KINK * LANES + i]
-    stops2 = lane[at.SIDE2 * LANES + i] * y_end < lane[at.WHEEL_KINK * LANES + i]
+    stops1 = lane[at.SIDE1, i] * u_end < lane[at.AXIS_KINK, i]
+    stops2 = lane[at.SIDE2, i] * y_end < lane[at.WHEEL_KINK, i]
     return stops1, stops2, (above ^ over) | (below ^ under), (edge_p if above | (over & (not below)) else edge_n)
 
 
 @njit_lane
 def part(lane: Array, i: int) -> int:
     """1 where something changes in run i's part; whether its sides are undecided; leaves what is rare."""
-    u, y, remaining = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.REMAINING * LANES + i]
-    side1, side2, x = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i], lane[at.PART * LANES + i]
+    u, y, remaining = lane[at.U, i], lane[at.Y, i], lane[at.REMAINING, i]
+    side1, side2, x = lane[at.SIDE1, i], lane[at.SIDE2, i], lane[at.PART, i]
     rest1, rest2, active = side1 == 0.0, side2 == 0.0, remaining > 0.0
-    cu, cy = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2)
+    cu, cy = series.of(lane, i, at.SERIES1), series.of(lane, i, at.SERIES2)
     _, _, drive, _, _, _ = motor(lane, i, y)
     slope1, slope2 = series.slope(cu, x), series.slope(cy, x)
     stops1, stops2, passed, _ = passes(lane, i, series.speed(u, cu, x), series.speed(y, cy, x))
-    hold, a12 = unsupported(lane, i), lane[at.A12 * LANES + i]
+    hold, a12 = unsupported(lane, i), lane[at.A12, i]
     undecided = active & beyond(lane, i, hold - a12 * cy[0], drive - a12 * cu[0], rest1, rest2)
     # a release, a stop at once, or a turn there and back
-    kink1, kink2 = lane[at.AXIS_KINK * LANES + i], lane[at.WHEEL_KINK * LANES + i]
+    kink1, kink2 = lane[at.AXIS_KINK, i], lane[at.WHEEL_KINK, i]
     leaves = beyond(lane, i, hold - a12 * slope2, drive - a12 * slope1, rest1, rest2)
     leaves |= (stops1 & (u == 0.0)) | (stops2 & (y == 0.0))
     leaves |= (not stops1) & (side1 * (u + x * cu[0]) < kink1) & (side1 * slope1 > 0.0)
     leaves |= (not stops2) & (side2 * (y + x * cy[0]) < kink2) & (side2 * slope2 > 0.0)
     leave(lane, i, active & leaves & (not undecided))
-    lane[at.UNDECIDED * LANES + i] = 1.0 if undecided else 0.0
-    lane[at.CHANGE * LANES + i] = NOTHING
+    lane[at.UNDECIDED, i] = 1.0 if undecided else 0.0
+    lane[at.CHANGE, i] = NOTHING
     return 1 if active & (stops1 | stops2 | passed) else 0
 
 
@@ -281,42 +265,34 @@ def part_all(lane: Array, rich: int | None) -> int:
 @njit_lane
 def choose(lane: Array, i: int) -> None:
     """What changes first in run i's part, as far as straight lines show it, and where; its series, less the level."""
-    u, y, x, changing = (
-        lane[at.U * LANES + i],
-        lane[at.Y * LANES + i],
-        lane[at.PART * LANES + i],
-        at.CHANGING * LANES + i,
-    )
-    cu, cy = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2)
+    u, y, x, row = lane[at.U, i], lane[at.Y, i], lane[at.PART, i], at.CHANGING
+    cu, cy = series.of(lane, i, at.SERIES1), series.of(lane, i, at.SERIES2)
     u_end, y_end = series.speed(u, cu, x), series.speed(y, cy, x)
     stops1, stops2, passed, edge = passes(lane, i, u_end, y_end)
-    volts = lane[at.GAIN * LANES + i] * lane[at.COMMAND * LANES + i]
-    edge = (volts - edge) / lane[at.BACK_EMF * LANES + i]
+    volts = lane[at.GAIN, i] * lane[at.COMMAND, i]
+    edge = (volts - edge) / lane[at.BACK_EMF, i]
     first1, first2, there = x * u / (u - u_end), x * y / (y - y_end), x * (y - edge) / (y - y_end)
     first, change, level = (first1 if stops1 else x), (AXIS if stops1 else NOTHING), 0.0
     sooner = stops2 & ((not stops1) | (first2 < first))
     change, first = (WHEEL if sooner else change), (first2 if sooner else first)
     sooner = passed & ((change == NOTHING) | (there < first))
     change, first, level = (EDGE if sooner else change), (there if sooner else first), (edge if sooner else level)
-    active, is_axis = lane[at.REMAINING * LANES + i] > 0.0, change == AXIS
-    lane[at.CHANGE * LANES + i], lane[at.PART * LANES + i] = (change if active else NOTHING), first
-    lane[changing] = (u if is_axis else y) - level
-    lane[changing + LANES], lane[changing + 2 * LANES] = (cu[0] if is_axis else cy[0]), (cu[1] if is_axis else cy[1])
-    lane[changing + 3 * LANES], lane[changing + 4 * LANES] = (
-        (cu[2] if is_axis else cy[2]),
-        (cu[3] if is_axis else cy[3]),
-    )
-    lane[changing + 5 * LANES] = cu[4] if is_axis else cy[4]
+    active, is_axis = lane[at.REMAINING, i] > 0.0, change == AXIS
+    lane[at.CHANGE, i], lane[at.PART, i] = (change if active else NOTHING), first
+    lane[row, i] = (u if is_axis else y) - level
+    lane[row + 1, i], lane[row + 2, i] = (cu[0] if is_axis else cy[0]), (cu[1] if is_axis else cy[1])
+    lane[row + 3, i], lane[row + 4, i] = (cu[2] if is_axis else cy[2]), (cu[3] if is_axis else cy[3])
+    lane[row + 5, i] = cu[4] if is_axis else cy[4]
 
 
 @njit_lane
 def near(lane: Array, i: int) -> int:
     """A step of Newton's method from run i's PART to where the speed passes the level; 1 where it was not close."""
-    x, changes, k = lane[at.PART * LANES + i], lane[at.CHANGE * LANES + i] != NOTHING, of(lane, i, at.CHANGING + 1)
-    moved = series.speed(lane[at.CHANGING * LANES + i], k, x) / series.slope(k, x)
+    x, changes, k = lane[at.PART, i], lane[at.CHANGE, i] != NOTHING, series.of(lane, i, at.CHANGING + 1)
+    moved = series.speed(lane[at.CHANGING, i], k, x) / series.slope(k, x)
     far = changes & (not (abs(moved) < CLOSE))
-    lane[at.PART * LANES + i] = x - moved if changes else x
-    lane[at.FAR * LANES + i] = 1.0 if far else 0.0
+    lane[at.PART, i] = x - moved if changes else x
+    lane[at.FAR, i] = 1.0 if far else 0.0
     return 1 if far else 0
 
 
@@ -332,49 +308,53 @@ def locate(lane: Array) -> None:
         if far == 0:
             break
     for i in range(LANES):
-        x, remaining, change = lane[at.PART * LANES + i], lane[at.REMAINING * LANES + i], lane[at.CHANGE * LANES + i]
-        fine = (lane[at.FAR * LANES + i] == 0.0) & (x >= 0.0) & (x <= remaining)
-        lane[at.PART * LANES + i] = x + BEYOND if change == EDGE else x
+        x, remaining, change = lane[at.PART, i], lane[at.REMAINING, i], lane[at.CHANGE, i]
+        fine = (lane[at.FAR, i] == 0.0) & (x >= 0.0) & (x <= remaining)
+        lane[at.PART, i] = x + BEYOND if change == EDGE else x
         leave(lane, i, (change != NOTHING) & (not fine))
 
 
 @njit_lane
 def finish(lane: Array, i: int) -> tuple[int, int]:
     """Run i at the end of its part; whether some of the step is still to be taken, whether its side is undecided."""
-    x, change, remaining = lane[at.PART * LANES + i], lane[at.CHANGE * LANES + i], lane[at.REMAINING * LANES + i]
-    q1, u, q2, y = lane[at.Q1 * LANES + i], lane[at.U * LANES + i], lane[at.Q2 * LANES + i], lane[at.Y * LANES + i]
-    side1, side2 = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
-    cu, cy = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2)
+    x, change, remaining = lane[at.PART, i], lane[at.CHANGE, i], lane[at.REMAINING, i]
+    q1, u, q2, y = lane[at.Q1, i], lane[at.U, i], lane[at.Q2, i], lane[at.Y, i]
+    side1, side2 = lane[at.SIDE1, i], lane[at.SIDE2, i]
+    cu, cy = series.of(lane, i, at.SERIES1), series.of(lane, i, at.SERIES2)
     x1, u_end, y_end = series.turned(u, cu, x), series.speed(u, cu, x), series.speed(y, cy, x)
     u_end, y_end = (0.0 if change == AXIS else u_end), (0.0 if change == WHEEL else y_end)
     # what a straight line showed later came first
-    missed = (side1 * u_end < lane[at.AXIS_KINK * LANES + i]) | (side2 * y_end < lane[at.WHEEL_KINK * LANES + i])
-    waits = lane[at.UNDECIDED * LANES + i] != 0.0
+    missed = (side1 * u_end < lane[at.AXIS_KINK, i]) | (side2 * y_end < lane[at.WHEEL_KINK, i])
+    waits = lane[at.UNDECIDED, i] != 0.0
     leave(lane, i, missed & (remaining > 0.0) & (not waits))
     stays = missed | waits | (remaining == 0.0)
-    lane[at.Q1 * LANES + i] = q1 if stays else q1 + x1
-    lane[at.U * LANES + i] = u if stays else u_end
-    lane[at.Q2 * LANES + i] = q2 if stays else q2 + series.turned(y, cy, x)
-    lane[at.Y * LANES + i] = y if stays else y_end
+    lane[at.Q1, i] = q1 if stays else q1 + x1
+    lane[at.U, i] = u if stays else u_end
+    lane[at.Q2, i] = q2 if stays else q2 + series.turned(y, cy, x)
+    lane[at.Y, i] = y if stays else y_end
     turn(lane, i, x1, stays)
-    remaining, after = lane[at.REMAINING * LANES + i], remaining - x
+    remaining, after = lane[at.REMAINING, i], remaining - x
     after = after if after > SHORTEST else 0.0
     remaining = remaining if stays else after
-    lane[at.BEGIN * LANES + i] = 1.0 - remaining if remaining > 0.0 else 1.0
+    lane[at.BEGIN, i] = 1.0 - remaining if remaining > 0.0 else 1.0
     stops = (not stays) & ((change == AXIS) | (change == WHEEL)) & (remaining > 0.0)
     undecided = stops | (waits & (remaining > 0.0))
-    lane[at.REMAINING * LANES + i], lane[at.UNDECIDED * LANES + i] = remaining, (1.0 if undecided else 0.0)
+    lane[at.REMAINING, i], lane[at.UNDECIDED, i] = remaining, (1.0 if undecided else 0.0)
     side = 1.0 if u_end > 0.0 else (-1.0 if u_end < 0.0 else side1)
-    lane[at.SIDE1 * LANES + i] = side1 if stays else side
+    lane[at.SIDE1, i] = side1 if stays else side
     side = 1.0 if y_end > 0.0 else (-1.0 if y_end < 0.0 else side2)
-    lane[at.SIDE2 * LANES + i] = side2 if stays else side
+    lane[at.SIDE2, i] = side2 if stays else side
     return (1 if remaining > 0.0 else 0), (1 if undecided else 0)
 
 
 @njit_part
-def redo(lane: Array, late: Late, step: int, steps: int, rich: int | None, is_late: int | None) -> bool:
-    """Take the flagged steps of a block in parts; whether something is left in LEFT. Others as of `readings.fill`."""
+def redo(block: Array, late: Late, step: int, steps: int, rich: int | None, is_late: int | None) -> bool:
+    """Take the flagged steps of a block in parts; whether something is left in LEFT. Others as of `readings.fill`.
+
+    It is given the block, not its rows, for these would have no fixed size in a function that is not inlined.
+    """
     widest()
+    lane = block[0]["rows"]
     count, undecided = begin(lane, is_late)
     for _ in range(MOST_PARTS):
         if count == 0:
@@ -392,9 +372,9 @@ def redo(lane: Array, late: Late, step: int, steps: int, rich: int | None, is_la
             undecided += waits
     unfinished = 0
     for i in range(LANES):
-        leave(lane, i, lane[at.REMAINING * LANES + i] > 0.0)
-        unfinished += 1 if lane[at.LEFT * LANES + i] > 0.0 else 0
+        leave(lane, i, lane[at.REMAINING, i] > 0.0)
+        unfinished += 1 if lane[at.LEFT, i] > 0.0 else 0
     if is_late is not None:
         for i in range(LANES):
-            lane[at.BEGIN * LANES + i] = 0.0
+            lane[at.BEGIN, i] = 0.0
     return unfinished > 0

@@ -1,7 +1,7 @@
-"""Where the constants and the state of the runs of a block stand: one flat array, a row per quantity, a column per run.
+"""Where the constants and the state of the runs of a block stand: one array, a row per quantity, a column per run.
 
-Everything of a block lies in one array of rows of the fixed length `LANES`. So the compiler sees that no two rows
-overlap, and turns the loop over the runs into vector instructions without asking.
+Everything of a block lies in one array, of a size that is part of its type (`BLOCK`). So the compiler sees that no two
+rows overlap, and turns the loop over the runs into vector instructions without asking.
 
 Speeds are kept as U = h q1' and Y = h q2' (rad per step of h), for which Taylor's coefficients have no powers of h.
 (Kernels under njit have the places compiled in.)
@@ -77,6 +77,9 @@ CHAIN_MOST = 4
 CHAIN, DISTANCE, TERM, POWERS, ALPHA, K, ERROR, NEXT_GAIN, WANTED, NORM, SHARE, ROWS = rows(
     _NEXT, 4, 4, 4, 20, 5, 4, 1, 1, 1, 1, 1
 )
+
+BLOCK = np.dtype([("rows", np.float64, (ROWS, LANES))])
+"""A block, for the kernels."""
 
 KNOWN = (
     places.A11, places.A12, places.A22, places.B, places.DIRECT, places.GEAR, places.C1, places.C2, places.ETA,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from swingid.control.backstepping import Backstepping
 from swingid.model.integrator import NOW, STATES, STEP_KERNEL, V1, V2
 from swingid.model.integrator import Q1 as ANGLE
 from swingid.model.integrator import Q2 as WHEEL_ANGLE
-from swingid.model.motion import COUNTS, LONGEST, advance
+from swingid.model.motion import COUNTS, FIELDS, LONGEST, advance
 from swingid.model.parameters import CUBIC, QUADRATIC, STRIBECK_SPEED
 from swingid.model.sensors import ALPHA, BETA, RESOLUTION, ZERO
 from swingid.model.sticking import BEGIN_KERNEL
@@ -23,18 +23,23 @@ from swingid.simulation.ensemble.runs import constants_of
 from swingid.simulation.twin import own_limit
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array, Ints
     from swingid.simulation.ensemble.readings import Late
     from swingid.simulation.ensemble.runs import Run
 
 
+Thing = TypeVar("Thing")
+
+Found = TypeVar("Found")
+
 ROUNDING = 1e-6
 """Of a step: more than the rounding of an instant, which so never lies outside the steps in which it is expected."""
 
 
-@dataclass(frozen=True)
-class Kind:
+class Kind(NamedTuple):
     """What all runs of a block have in common, since the kernel is compiled for it.
 
     control: "open", "compensator", "chain" or "backstepping"; order: of a chain. rich: friction with Stribeck's peak, a
@@ -53,43 +58,36 @@ class Kind:
 class Block:
     """Up to LANES runs that go together, by their places `members` in the ensemble; p (members, SIZE): their constants.
 
-    resolutions (members, 2): of their encoders (rad). inputs (instants, references), which (members,): references or
-    commands, and each run's column of them. after (rows or 1, 2, members): how many samples after their rows the
-    encoders are read; empty where all are on time.
+    inputs (instants, references), which (members,): references or commands, and each run's column of them. after (rows
+    or 1, 2, members): how many samples after their rows the encoders are read; empty where all are on time.
     """
 
     members: list[int]
     runs: list[Run]
     kind: Kind
     p: Array
-    resolutions: Array
     inputs: Array
     which: Ints
     after: Array
 
 
-@dataclass(frozen=True)
-class Sensors:
-    """What a rig's encoders are, found once for all its runs.
+def of_each(things: list[Thing], function: Callable[[Thing], Found]) -> list[Found]:
+    """What a function finds of each thing; once where several are the same one."""
+    known = {key: function(thing) for key, thing in {id(thing): thing for thing in things}.items()}
+    return [known[id(thing)] for thing in things]
 
-    steps: resolutions (rad). bent: whether they are nonlinear; noisy; late: whether they are not read on time.
-    """
 
-    steps: tuple[float, ...]
-    bent: bool
-    noisy: bool
-    late: bool
+def flaws_of(rig: Rig) -> tuple[bool, bool, bool]:
+    """Return whether some encoder of a rig is not read on time, not linear, has noise."""
+    sensors = [rig.sensors.of(name) for name in CHANNELS]
+    late = any(s.jitter or s.latency.value or s.latency.std for s in sensors)
+    bent = any(part.value or part.std for s in sensors for part in s.drawn)
+    return late, bent, any(s.noise for s in sensors)
 
-    @classmethod
-    def of(cls, rig: Rig) -> Sensors:
-        """Pack the values of a rig."""
-        sensors = [rig.sensors.of(name) for name in CHANNELS]
-        return cls(
-            steps=tuple(s.resolution for s in sensors),
-            bent=any(part.value or part.std for s in sensors for part in s.drawn),
-            noisy=any(s.noise for s in sensors),
-            late=any(s.jitter or s.latency.value or s.latency.std for s in sensors),
-        )
+
+def steps_of(rig: Rig) -> list[float]:
+    """Resolutions (rad) of a rig's encoders."""
+    return [rig.sensors.of(name).resolution for name in CHANNELS]
 
 
 def control_of(run: Run) -> tuple[str, int]:
@@ -107,26 +105,23 @@ def blocks_of(runs: list[Run], rows: int) -> tuple[list[Block], list[int]]:
     constants = constants_of(runs)
     fit = ~np.any(constants[:, OTHERS], axis=1)
     rich = (constants[:, STRIBECK_SPEED] > 0.0) | np.any(constants[:, [QUADRATIC, CUBIC]], axis=1)
-    sensors = {id(run.rig): Sensors.of(run.rig) for run in {id(run.rig): run for run in runs}.values()}
-    kinds: dict[tuple[str, int, bool, bool, bool, bool], list[int]] = {}
+    kinds: dict[Kind, list[int]] = {}
     alone: list[int] = []
-    for k, run in enumerate(runs):
-        control, order = control_of(run)
-        if fit[k] and order <= CHAIN_MOST:
-            sensor = sensors[id(run.rig)]
-            kinds.setdefault((control, order, bool(rich[k]), sensor.late, sensor.bent, sensor.noisy), []).append(k)
+    for k, (run, flaws) in enumerate(zip(runs, of_each([run.rig for run in runs], flaws_of), strict=True)):
+        kind = Kind(*control_of(run), bool(rich[k]), *flaws)
+        if fit[k] and kind.order <= CHAIN_MOST:
+            kinds.setdefault(kind, []).append(k)
         else:
             alone.append(k)
     blocks = []
     for kind, members in kinds.items():
         for first in range(0, len(members), LANES):
             part = members[first : first + LANES]
-            steps = np.array([sensors[id(runs[k].rig)].steps for k in part])
-            blocks.append(_block(part, [runs[k] for k in part], Kind(*kind), constants[part], steps, rows))
+            blocks.append(_block(part, [runs[k] for k in part], kind, constants[part], rows))
     return _sharing_inputs(blocks), alone
 
 
-def _block(members: list[int], runs: list[Run], kind: Kind, p: Array, resolutions: Array, rows: int) -> Block:
+def _block(members: list[int], runs: list[Run], kind: Kind, p: Array, rows: int) -> Block:
     """A block without its inputs, as many instants as it takes until the last row has been read."""
     after, total = np.empty((0, 2, len(runs))), rows
     if kind.late:
@@ -141,7 +136,7 @@ def _block(members: list[int], runs: list[Run], kind: Kind, p: Array, resolution
         least, most = float(after.min()), float(after.max())
         ends = after[-min(length, int(most - least) + 2) :]  # earlier rows are all read before the last
         total = max(rows, int(np.ceil((np.arange(rows - len(ends), rows)[:, None, None] + ends).max())))
-    return Block(members, runs, kind, p, resolutions, np.empty((total, 0)), np.empty(0, np.int64), after)
+    return Block(members, runs, kind, p, np.empty((total, 0)), np.empty(0, np.int64), after)
 
 
 def _sharing_inputs(blocks: list[Block]) -> list[Block]:
@@ -172,18 +167,20 @@ def run_packed(block: Block, log: Array) -> Array:
     steps = int(np.ceil(sample / LONGEST * (1.0 - 1e-9)))
     h = sample / steps
     filled = np.minimum(np.arange(LANES), count - 1)
-    lane = _packed(block, filled, sample, h)
+    whole: Any = np.zeros(1, lanes.BLOCK)
+    lane: Array = whole[0]["rows"]
+    _pack(lane, block, filled, sample, h)
     late = _late(block, filled, steps)
     kinds = int(kind.control != "open"), int(kind.bent)
-    place, flat, which = np.zeros(PLACES, np.int64), lane.ravel(), block.which[filled]
-    noise, kept = _noise(block, rows), np.empty(4 * TOGETHER * LANES)
+    place, which = np.zeros(PLACES, np.int64), block.which[filled]
+    noise, kept = _noise(block, rows), np.empty((4, TOGETHER, LANES))
     variant = (
         1 if kind.rich else None,
         1 if kind.late else None,
         kind.order if kind.control == "chain" else None,
         1 if kind.control == "backstepping" else None,
     )
-    while run_block(flat, block.inputs, which, place, kinds, steps, h, noise, log, kept, late, *variant):
+    while run_block(whole, block.inputs, which, place, kinds, steps, h, noise, log, kept, late, *variant):
         step = int(place[ROW]) * steps + int(place[STEP]) - 1
         for i in np.flatnonzero(lane[lanes.LEFT]):
             advance_run(lane, int(i), block.p[filled[i]], h, late, step, steps)
@@ -192,14 +189,12 @@ def run_packed(block: Block, log: Array) -> Array:
     return result
 
 
-def _packed(block: Block, filled: Ints, sample: float, h: float) -> Array:
-    """The array (ROWS, LANES) at the start; filled (LANES,): each column's member; sample, h: a sample, a step (s)."""
+def _pack(lane: Array, block: Block, filled: Ints, sample: float, h: float) -> None:
+    """What a block starts with into (ROWS, LANES); filled (LANES,): each column's member; sample, h: of a step (s)."""
     runs, kind = block.runs, block.kind
-    lane = np.zeros((lanes.ROWS, LANES))
     lanes.pack_motion(lane, block.p[filled], h)
     lanes.pack_encoders(lane, _encoders(block)[filled])
-    limits = {id(rig): own_limit(rig) for rig in {id(run.rig): run.rig for run in runs}.values()}
-    lane[lanes.RIG_LIMIT] = np.array([limits[id(run.rig)] for run in runs])[filled]
+    lane[lanes.RIG_LIMIT] = np.array(of_each([run.rig for run in runs], own_limit))[filled]
     lane[lanes.Q1] = np.array([run.initial_angle for run in runs])[filled]
     lane[lanes.U] = np.array([run.initial_speed for run in runs])[filled] * h
     if kind.control != "open":
@@ -208,13 +203,12 @@ def _packed(block: Block, filled: Ints, sample: float, h: float) -> Array:
             lanes.pack_backstepping(lane, gains[filled], states[filled])
         else:
             lanes.pack_compensator(lane, gains[filled], states[filled], sample)
-    return lane
 
 
 def _encoders(block: Block) -> Array:
     """Arrays (members, 2, 4) of `model.sensors` for the encoders of axis and wheel."""
     encoders = np.zeros((len(block.runs), 2, 4))
-    encoders[:, :, RESOLUTION] = block.resolutions
+    encoders[:, :, RESOLUTION] = of_each([run.rig for run in block.runs], steps_of)
     encoders[:, :, ZERO] = [run.encoder_zero for run in block.runs]
     if block.kind.bent:
         encoders[:, :, [ALPHA, BETA]] = [draw_nonlinearity(run.rig, run.seed) for run in block.runs]
@@ -266,9 +260,8 @@ def advance_run(lane: Array, i: int, p: Array, h: float, late: Late, step: int, 
     instants = np.sort(rest[tuple(inside.T)])
     states = np.zeros((len(instants), STATES))
     command = float(lane[lanes.COMMAND, i])
-    advance(
-        STEP_KERNEL, BEGIN_KERNEL, 0.0, remaining, command, work, min(remaining, LONGEST), p, instants, states, counts
-    )
+    tried, noted = min(remaining, LONGEST), (instants, states, np.zeros((0, FIELDS)), counts)
+    advance(STEP_KERNEL, BEGIN_KERNEL, 0.0, remaining, command, work, tried, p, *noted)
     for row, e in inside:
         seen[row, e] = states[np.searchsorted(instants, rest[row, e]), WHEEL_ANGLE if e else ANGLE]
     lane[lanes.Q1, i], lane[lanes.U, i] = work[NOW, ANGLE], work[NOW, V1] * h
@@ -277,13 +270,7 @@ def advance_run(lane: Array, i: int, p: Array, h: float, late: Late, step: int, 
 
 
 def _controllers(runs: list[Run], sample: float) -> tuple[Array, Array]:
-    """Gains and first states of the controllers (runs, ...); equal ones are computed once."""
-    gains: dict[int, Array] = {}
-    states: dict[int, Array] = {}
-    for run in runs:
-        assert run.controller is not None
-        key = id(run.controller)
-        if key not in gains:
-            gains[key] = run.controller.parameters(sample)
-            states[key] = run.controller.initial_state(run.initial_angle)
-    return np.array([gains[id(run.controller)] for run in runs]), np.array([states[id(run.controller)] for run in runs])
+    """Gains and first states of the controllers (runs, ...); those of one controller are computed once."""
+    controllers = [run.controller for run in runs if run.controller is not None]
+    gains = of_each(controllers, lambda controller: controller.parameters(sample))
+    return np.array(gains), np.array(of_each(controllers, lambda controller: controller.initial_state()))

@@ -34,16 +34,16 @@ def rounded(value: float, step: float, inverse: float) -> float:
 @njit_lane
 def read(lane: Array, i: int, angle: int, encoder: int, place: int, error: float) -> None:
     """Reading of run i's row `angle` by the encoder whose rows begin at `encoder`, into the row `place`."""
-    value = lane[angle * LANES + i] + error
-    step, inverse = lane[encoder * LANES + i], lane[(encoder + 1) * LANES + i]
-    lane[place * LANES + i] = rounded(value, step, inverse)
+    value = lane[angle, i] + error
+    step, inverse = lane[encoder, i], lane[encoder + 1, i]
+    lane[place, i] = rounded(value, step, inverse)
 
 
 @njit_lane
 def bend(lane: Array, i: int, angle: int, encoder: int) -> float:
     """What a nonlinear encoder adds to run i's row `angle` (rad)."""
-    sine, cosine = sine_cosine(lane[angle * LANES + i])
-    return float(lane[(encoder + 2) * LANES + i] * cosine + lane[(encoder + 3) * LANES + i] * sine)
+    sine, cosine = sine_cosine(lane[angle, i])
+    return float(lane[encoder + 2, i] * cosine + lane[encoder + 3, i] * sine)
 
 
 @njit_lane
@@ -52,20 +52,20 @@ def read_all(lane: Array, angle: int, wheel: int, bent: int, noise: Array, row: 
     widest()
     if noise.shape[1] > row:
         for i in range(LANES):
-            lane[at.ANGLE_NOISE * LANES + i] = lane[at.ANGLE_ZERO * LANES + i] + noise[0, row, i]
-            lane[at.WHEEL_NOISE * LANES + i] = lane[at.WHEEL_ZERO * LANES + i] + noise[1, row, i]
+            lane[at.ANGLE_NOISE, i] = lane[at.ANGLE_ZERO, i] + noise[0, row, i]
+            lane[at.WHEEL_NOISE, i] = lane[at.WHEEL_ZERO, i] + noise[1, row, i]
     if bent:
         for i in range(LANES):
-            error = lane[at.ANGLE_NOISE * LANES + i] + bend(lane, i, angle, at.ANGLE_STEP)
+            error = lane[at.ANGLE_NOISE, i] + bend(lane, i, angle, at.ANGLE_STEP)
             read(lane, i, angle, at.ANGLE_STEP, at.ANGLE_READING, error)
         for i in range(LANES):
-            error = lane[at.WHEEL_NOISE * LANES + i] + bend(lane, i, wheel, at.WHEEL_STEP)
+            error = lane[at.WHEEL_NOISE, i] + bend(lane, i, wheel, at.WHEEL_STEP)
             read(lane, i, wheel, at.WHEEL_STEP, at.WHEEL_READING, error)
     else:
         for i in range(LANES):
-            read(lane, i, angle, at.ANGLE_STEP, at.ANGLE_READING, lane[at.ANGLE_NOISE * LANES + i])
+            read(lane, i, angle, at.ANGLE_STEP, at.ANGLE_READING, lane[at.ANGLE_NOISE, i])
         for i in range(LANES):
-            read(lane, i, wheel, at.WHEEL_STEP, at.WHEEL_READING, lane[at.WHEEL_NOISE * LANES + i])
+            read(lane, i, wheel, at.WHEEL_STEP, at.WHEEL_READING, lane[at.WHEEL_NOISE, i])
 
 
 @njit_lane
@@ -75,12 +75,12 @@ def known(lane: Array, late: Late, row: int, steps: int) -> None:
     when, seen, _, _ = late
     for e in range(2):
         for i in range(LANES):
-            lane[(at.THERE + e) * LANES + i] = lane[(at.Q1 + 2 * e) * LANES + i]
+            lane[at.THERE + e, i] = lane[at.Q1 + 2 * e, i]
         if row < len(when):
             instants, angles = when[row, e], seen[row, e]
             for i in range(LANES):
-                there = lane[(at.THERE + e) * LANES + i]
-                lane[(at.THERE + e) * LANES + i] = angles[i] if instants[i] < row * steps else there
+                there = lane[at.THERE + e, i]
+                lane[at.THERE + e, i] = angles[i] if instants[i] < row * steps else there
 
 
 @njit_lane
@@ -100,24 +100,13 @@ def fill(lane: Array, late: Late, step: int, steps: int) -> None:
         for e in range(2):
             instants, angles = when[row, e], seen[row, e]
             for i in range(LANES):
-                lane[at.WHEN * LANES + i] = instants[i] - step
-                lane[at.THERE * LANES + i] = angles[i]
+                lane[at.WHEN, i] = instants[i] - step
+                lane[at.THERE, i] = angles[i]
             for i in range(LANES):
-                x, begin, at_series = (
-                    lane[at.WHEN * LANES + i],
-                    lane[at.BEGIN * LANES + i],
-                    (at.SERIES1 + 5 * e) * LANES + i,
-                )
-                k = (
-                    lane[at_series],
-                    lane[at_series + LANES],
-                    lane[at_series + 2 * LANES],
-                    lane[at_series + 3 * LANES],
-                    lane[at_series + 4 * LANES],
-                )
-                start = (at.START + 2 * e) * LANES + i
-                angle = lane[start] + series.turned(lane[start + LANES], k, x - begin)
+                x, begin, k = lane[at.WHEN, i], lane[at.BEGIN, i], series.of(lane, i, at.SERIES1 + 5 * e)
+                start = at.START + 2 * e
+                angle = lane[start, i] + series.turned(lane[start + 1, i], k, x - begin)
                 inside = (x >= begin) & (x < 1.0)
-                lane[at.THERE * LANES + i] = angle if inside else lane[at.THERE * LANES + i]
+                lane[at.THERE, i] = angle if inside else lane[at.THERE, i]
             for i in range(LANES):
-                angles[i] = lane[at.THERE * LANES + i]
+                angles[i] = lane[at.THERE, i]

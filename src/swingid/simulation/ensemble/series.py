@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from swingid.numerics.arrays import Array
 from swingid.numerics.vectors import njit_lane
 
 Derivatives = tuple[float, float, float, float, float]
@@ -83,6 +84,12 @@ def derivatives(
         f = g4 + ((a * u4 + b * w4) + 6.0 * c * w2 * u2)
         u5, y5 = u5 - m11 * f, y5 + m12 * f
     return (u1, u2, u3, u4, u5), (y1, y2, y3, y4, y5)
+
+
+@njit_lane
+def of(lane: Array, i: int, first: int) -> Derivatives:
+    """Run i's series whose rows begin at `first`."""
+    return lane[first, i], lane[first + 1, i], lane[first + 2, i], lane[first + 3, i], lane[first + 4, i]
 
 
 @njit_lane

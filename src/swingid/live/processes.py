@@ -7,10 +7,8 @@ dead does not stop the loop, and where the link's process dies the firmware give
 from __future__ import annotations
 
 import math
-import os
 import pickle
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -23,12 +21,14 @@ from swingid.live.frames import Decoder
 from swingid.live.guard import Limits
 from swingid.live.journal import require_new
 from swingid.live.progress import Follower, Progress
-from swingid.live.ring import Kind, Reader, Record, Ring, Role
+from swingid.live.ring import Kind, Reader, Record, Ring, Role, started
 from swingid.live.running import OVERTIME, SLOW
 from swingid.live.worker import DEAD, HUNG, POLL, Job
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
+
+WORKER = "swingid.live.worker"
 
 ENDING = 10.0
 """Seconds that the recorder has for the end of its file."""
@@ -85,7 +85,7 @@ class ProcessConductor:
         workers: dict[str, subprocess.Popen[bytes]] = {}
         try:
             for role in ("recorder", "link"):
-                workers[role] = self._start(role, ring)
+                workers[role] = started(ring, WORKER, role, stderr=subprocess.PIPE)
                 self.pids[role] = workers[role].pid
             done = self._follow(order, ring, workers)
             done.journal_error = done.journal_error or _ended(workers["recorder"])
@@ -109,20 +109,6 @@ class ProcessConductor:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             raise InputError(f"cannot write {out}: {reason}; give another --out", code="cannot-write") from None
-
-    @staticmethod
-    def _start(role: str, ring: Ring) -> subprocess.Popen[bytes]:
-        """A process of its own, which the terminal's Ctrl-C does not reach."""
-        windows = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-        return subprocess.Popen(
-            [sys.executable, "-m", "swingid.live.worker", role, ring.handle],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,  # not that of the command, which a pipe's reader may wait for
-            stderr=subprocess.PIPE,
-            start_new_session=os.name != "nt",
-            creationflags=windows,
-            pass_fds=ring.descriptors,
-        )
 
     def _follow(self, order: Order, ring: Ring, workers: dict[str, subprocess.Popen[bytes]]) -> Done:
         """Show what the ring brings until the link has ended; one that hangs is ended."""

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from swingid.app.draft import Draft
 from swingid.app.kinds import KINDS, Field, Question, drawing
-from swingid.app.parts import choice_button, escaped, html, more, plain_button
+from swingid.app.parts import choice_button, escaped, html, plain_button
 from swingid.errors import SwingidError
 from swingid.model.rig import Rig
 
@@ -194,9 +194,3 @@ class Know:
         self.rest.classes(replace="swingid-quiet" if missing else "swingid-wrong")
         self.code.set_content(f'<pre class="swingid-code" aria-label="rig.toml">{escaped(self.draft.text())}</pre>')
         self.changed()
-
-
-def rig_summary(draft: Draft) -> None:
-    """The rig.toml on demand."""
-    with more("rig.toml"):
-        html(f'<pre class="swingid-code">{escaped(draft.text())}</pre>', "w-full")

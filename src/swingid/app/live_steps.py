@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from swingid.app.task import Halt, StoppedError, Task, View
 from swingid.errors import SwingidError
+from swingid.live.codes import apart
 from swingid.live.ring import Ring, job_in
 
 if TYPE_CHECKING:
@@ -43,8 +44,6 @@ class Samples:
 
     def tap(self, came: bool, _: float, data: bytes) -> None:
         """Bytes of the link; came: from the device."""
-        from swingid.live.ends import apart
-
         board = self.board
         if not came or board is None:
             return

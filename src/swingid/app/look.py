@@ -137,10 +137,8 @@ class Look:
                     for name in others:
                         self._channel(name, "")
             if not draft.moves:
-                text = (
-                    "Which column is the angle of the body, or its rate? Of a video: which are x and y of a mark on it?"
-                )
-                ui.label(text).classes("swingid-wrong")
+                text = "Which column is the angle of the body, or its rate?"
+                ui.label(f"{text} Of a video: which are x and y of a mark on it?").classes("swingid-wrong")
 
     def _ask_rate(self) -> None:
         text = "No column is a clock. How many rows come each second?"

@@ -14,7 +14,7 @@ import numpy as np
 
 from swingid.control import law
 from swingid.errors import UsageError
-from swingid.live.codes import FaultCode
+from swingid.live.codes import FaultCode, apart
 
 if TYPE_CHECKING:
     from swingid.control.compensator import Compensator
@@ -185,11 +185,6 @@ def counts(p: Array, board: Board) -> bool:
     return math.isinf(board.most_edges) or bool(p[WHEEL_SPEED_LIMIT] <= board.most_edges * abs(p[WHEEL_STEP]))
 
 
-def _change(now: int, before: int) -> int:
-    """Difference of two wrapping counts of 32 bits."""
-    return (now - before + 2**31) % 2**32 - 2**31
-
-
 class Guard:
     """The counts without their wraps, and what must not happen to them."""
 
@@ -220,7 +215,7 @@ class Guard:
         """
         if self.seen:
             self.late = (time - self.time) % 2**32 > self._late_time
-            self._changes = _change(readings.axis, self._raw[0]), _change(readings.wheel, self._raw[1])
+            self._changes = apart(readings.axis, self._raw[0]), apart(readings.wheel, self._raw[1])
             self.axis += self._changes[0]
             self.wheel += self._changes[1]
         else:

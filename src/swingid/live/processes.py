@@ -59,7 +59,6 @@ class ProcessConductor:
         self._asked: tuple[StopMode, str] | None = None
         self._follower: Follower | None = None
         self._decoder = Decoder()
-        self._notes: list[str] = []
         self.pids: dict[str, int] = {}
 
     def stop(self, mode: StopMode, why: str) -> None:
@@ -119,7 +118,7 @@ class ProcessConductor:
             for record in reader.read():
                 if record.kind is Kind.DONE:
                     done: Done = pickle.loads(record.data)
-                    done.notes += self._notes + (self._follower.notes if self._follower is not None else [])
+                    done.notes += self._follower.notes if self._follower is not None else []
                     return done
                 if record.kind is Kind.FAILED:
                     raise pickle.loads(record.data)
@@ -134,9 +133,8 @@ class ProcessConductor:
                 ring.over = True
                 raise self._dead(f"{hangs}, so it was killed", "host-hung")
             if unrecorded and self._follower is None:
-                text = (
-                    f"the journal's process has ended ({_ended(workers['recorder'])}), and nothing has moved; run again"
-                )
+                why = _ended(workers["recorder"])
+                text = f"the journal's process has ended ({why}), and nothing has moved; run again"
                 raise InputError(text, code="cannot-write")
             time.sleep(POLL)
 
@@ -147,25 +145,19 @@ class ProcessConductor:
             plan, facts = pickle.loads(record.data)
             rate = float(facts["rate"])
             patience.begin(len(plan.reference) / rate)
-            self._follower = Follower(self.rig, plan.parameters.tolist(), plan.reference.tolist(), order.until, rate)
+            planned = plan.parameters.tolist(), plan.reference.tolist()
+            self._follower = Follower(self.rig, *planned, order.until, rate, self._show)
         elif record.kind is Kind.DEVICE and self._follower is not None:
-            progress = self._follower.feed(self._decoder.feed(record.data))
-            try:
-                self._show(progress)
-            except Exception as error:  # whatever a view does, the run goes on
-                self._show = lambda _: None
-                self._notes.append(f"the view has failed ({type(error).__name__}); the run went on without it")
-            if progress.reached:
-                ring.ask(StopMode.SOFT, progress.reached)
+            reached = self._follower.look(self._decoder.feed(record.data))
+            if reached:
+                ring.ask(StopMode.SOFT, reached)
 
     def _dead(self, how: str, code: str) -> SwingidError:
         text = f"the process of the link to {self.address} {how}; without its heartbeat "
         if self._follower is None:
             return DeviceError(f"{text}the firmware gives 0 V, and the run had not begun: run again", code=code)
-        text += (
-            "the firmware gives 0 V within 100 ms, and the journal holds the run up to there; clear the fault (--clear)"
-        )
-        return DeviceError(text, code=code)
+        text += "the firmware gives 0 V within 100 ms, and the journal holds the run up to there; "
+        return DeviceError(f"{text}clear the fault (--clear)", code=code)
 
 
 class Patience:
@@ -206,9 +198,8 @@ def _ended(worker: subprocess.Popen[bytes]) -> str:
     lines = said.decode(errors="replace").strip().splitlines() if said else []
     if lines:
         return lines[-1]
-    by = (
-        f"killed by signal {-worker.returncode}" if worker.returncode < 0 else f"ended by exit code {worker.returncode}"
-    )
+    code = worker.returncode
+    by = f"killed by signal {-code}" if code < 0 else f"ended by exit code {code}"
     return f"the process that writes it was {by}"
 
 

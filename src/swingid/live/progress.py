@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -65,8 +66,8 @@ class Progress:
 class Follower:
     """Makes the progress out of the frames of a run.
 
-    until: relative standard uncertainty of the online estimate at which `reached` is set, 0 for never. notes: what the
-    estimates could not be made of.
+    until: relative standard uncertainty of the online estimate at which `reached` is set, 0 for never. show: called by
+    `look`. notes: what the estimates could not be made of.
     """
 
     rig: Rig
@@ -74,6 +75,7 @@ class Follower:
     reference: list[float]
     until: float
     rate: float
+    show: Callable[[Progress], None] = lambda _: None
     progress: Progress = field(default_factory=Progress)
     notes: list[str] = field(default_factory=list)
 
@@ -83,6 +85,16 @@ class Follower:
         self._errors: list[float] = []
         self._estimator: Estimator | None = None
         self._guarded(lambda: setattr(self, "_estimator", Estimator(self.rig)))
+
+    def look(self, frames: list[Frame], start: int | None = None) -> str:
+        """Take the frames of a turn and show the progress; why the run may stop, "" while it may not."""
+        progress = self.feed(frames, start)
+        try:
+            self.show(progress)
+        except Exception as error:  # whatever a view does, the run goes on
+            self.show = lambda _: None
+            self.notes.append(f"the view has failed ({type(error).__name__}); the run went on without it")
+        return progress.reached
 
     def feed(self, frames: list[Frame], start: int | None = None) -> Progress:
         """Take the frames of a turn; start: the sequence of reference 0, where it is known otherwise."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from swingid.live import guard as at
-from swingid.live.codes import Flag, State, Status
+from swingid.live.codes import Flag, State, Status, apart
 from swingid.live.frames import Frame
 from swingid.live.schema import schema
 
@@ -43,7 +43,7 @@ class Unwrapped:
         if self.value is None:
             self.value = raw
         else:
-            self.value += (raw - self.value + 2**31) % 2**32 - 2**31
+            self.value += apart(raw, self.value)
         return self.value
 
 
@@ -84,13 +84,13 @@ class Rows:
 
     def _row(self, frame: Frame) -> Row | None:
         before = self._sequence.value
-        if before is not None and (frame.sequence - before + 2**31) % 2**32 - 2**31 <= 0:
+        if before is not None and apart(frame.sequence, before) <= 0:
             return None
         sequence, time = self._sequence(frame.sequence), self._time(frame.time)
         axis, wheel = self._axis(frame.axis), self._wheel(frame.wheel)
         if frame.state != State.RUNNING or self.start is None:
             return None
-        number = (frame.sequence - self.start + 2**31) % 2**32 - 2**31
+        number = apart(frame.sequence, self.start)
         if number < 0:
             return None
         if self._first is None:

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from swingid.errors import DeviceError
-from swingid.live.codes import FaultCode, Flag, State, Status, StopMode
-from swingid.live.ends import RESET, End, Reason, Run, apart, fault_words, refusal_words
+from swingid.live.codes import FaultCode, Flag, State, Status, StopMode, apart
+from swingid.live.ends import RESET, End, Reason, Run, fault_words, refusal_words
 from swingid.live.frames import Frame, encode
 from swingid.live.link import MOST_LOST, TURN, Link
 from swingid.live.schema import schema

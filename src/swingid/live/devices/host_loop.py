@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import Any
 
 from swingid.errors import DeviceError, UsageError
-from swingid.live.codes import State
+from swingid.live.codes import State, apart
 from swingid.live.devices.stream import Address, closed_error, gone
 from swingid.live.guard import Board, Readings
 from swingid.live.machine import VERSION, Machine
@@ -122,7 +122,7 @@ class HostLoop(ABC):
 
 def wrapped(turns: float) -> int:
     """Counts of a position in turns, in 32 bits."""
-    return (round(turns * COUNTS) + 2**31) % 2**32 - 2**31
+    return apart(round(turns * COUNTS), 0)
 
 
 def board_at(parts: Address, rate: float = 200.0) -> Board:

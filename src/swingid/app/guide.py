@@ -17,7 +17,7 @@ from swingid.app.kinds import likely
 from swingid.app.know import Know, rig_cards
 from swingid.app.look import Look
 from swingid.app.part import Part
-from swingid.app.parts import Frame, Step, main_button, plain_button
+from swingid.app.parts import Frame, Step, main_button, mend_words, plain_button
 from swingid.result.brief import value_and_reach
 
 SENTENCE = "Drop a log of a swinging body, and get its moment of inertia with an interval."
@@ -179,7 +179,7 @@ class Guide:
     async def mend(self, values: Mapping[str, object]) -> None:
         """Write keys into rig.toml, and answer anew."""
         self.draft.mends |= values
-        ui.notify("written: " + ", ".join(f"{key} = {value}" for key, value in values.items()))
+        ui.notify(f"written: {mend_words(values)}")
         await self.go(ANSWER if self.reached >= ANSWER else PART)
 
     async def _answer(self) -> None:

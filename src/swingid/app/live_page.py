@@ -22,7 +22,7 @@ from swingid.app.live_steps import STEPS
 from swingid.app.live_steps import Step as LiveStep
 from swingid.app.order import DURATION, MOTION, UNTIL, WrongFieldError, order_of, share_of
 from swingid.app.part import Part
-from swingid.app.parts import Frame, Step, emphasise, main_button, plain_button, said
+from swingid.app.parts import Frame, Step, emphasise, main_button, mend_words, plain_button, said
 from swingid.app.rig_view import RigView
 from swingid.app.runner import Seen
 from swingid.app.stop_bar import StopBar
@@ -314,8 +314,7 @@ class LivePage:
             async def mend(values: Mapping[str, object]) -> None:
                 """Take keys over for this answer; rig.toml of the step Keep has them."""
                 draft.mends |= values
-                written = ", ".join(f"{key} = {value}" for key, value in values.items())
-                ui.notify(f"used for this answer: {written}; the rig file stays as it is")
+                ui.notify(f"used for this answer: {mend_words(values)}; the rig file stays as it is")
                 await answer.run()
                 await part.inspect()
 

@@ -229,12 +229,8 @@ class Runner:
             how, lines, seen.found = pickle.loads(record.data)
             seen.lines += lines[len(seen.lines) :]
             seen.ended = seen.ended or how
-        if seen.count or seen.found:
-            self._note_journal()
-
-    def _note_journal(self) -> None:
-        if self.seen.out and self.seen.out not in self.journals:
-            self.journals.append(self.seen.out)
+        if (seen.count or seen.found) and seen.out and seen.out not in self.journals:
+            self.journals.append(seen.out)
 
 
 DIED = (

@@ -191,7 +191,9 @@ class Conductor:
     def _run(self, session: Session, journal: Recorder, order: Order, limits: Limits) -> Done:
         name = session.link.name
         board = session.connect()
-        self._say(f"{name}: firmware {named(board.firmware)}, {board.rate:g} samples per second, {_counts(board)}")
+        wheel = f" and {board.wheel_counts}" if board.wheel_counts else ""
+        counts = f"{board.axis_counts}{wheel} counts per turn, {board.voltage_limit:g} V at most"
+        self._say(f"{name}: firmware {named(board.firmware)}, {board.rate:g} samples per second, {counts}")
         require_same_rig(self.rig, board, name)
         require_rows(order, board.rate)
         if order.clear:
@@ -245,11 +247,6 @@ class Conductor:
 def _not_begun(why: str) -> DeviceError:
     """The error of a run that somebody stopped before anything moved."""
     return DeviceError(f"{why}, before the run began; nothing has moved", code="stopped")
-
-
-def _counts(board: Board) -> str:
-    wheel = f" and {board.wheel_counts}" if board.wheel_counts else ""
-    return f"{board.axis_counts}{wheel} counts per turn, {board.voltage_limit:g} V at most"
 
 
 def require_usable(done: Done, out: Path | str) -> None:

@@ -96,9 +96,7 @@ class Limits:
     rest: float = 0.0
 
     @classmethod
-    def of(
-        cls, rig: Rig, *, angle: float | None = None, speed: float | None = None, wheel_speed: float | None = None
-    ) -> Limits:
+    def of(cls, rig: Rig) -> Limits:
         """Limits, zero and signs that a rig file states under `[device]`, and its own voltage limit.
 
         A body stays below the horizontal unless it says otherwise; the paper's motion has 0.8 rad, 7 rad/s and
@@ -109,9 +107,9 @@ class Limits:
             message = f"rig {rig.name!r} has no drive.motor.voltage_limit, without which nothing is driven; state it"
             raise UsageError(message, code="no-voltage-limit")
         return cls(
-            angle=device.angle_limit if angle is None else angle,
-            speed=device.speed_limit if speed is None else speed,
-            wheel_speed=device.wheel_speed_limit if wheel_speed is None else wheel_speed,
+            angle=device.angle_limit,
+            speed=device.speed_limit,
+            wheel_speed=device.wheel_speed_limit,
             voltage=float(motor.voltage_limit),
             current=math.inf if device.current_limit is None else device.current_limit,
             axis_zero=device.axis_zero,

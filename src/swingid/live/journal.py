@@ -25,6 +25,7 @@ from swingid.live.schema import database_text, missing_extra, schema
 from swingid.recording.formats.mcap import RUN
 from swingid.recording.formats.table import METADATA_KEY
 from swingid.recording.live import ARRIVAL
+from swingid.system import new_file
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -88,11 +89,7 @@ class Journal:
         except ImportError:
             raise missing_extra("mcap") from None
         self.path, self.error = Path(path), ""
-        try:
-            self._file: IO[bytes] = self.path.open("wb")
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise InputError(f"cannot write {path}: {reason}; give another --out", code="cannot-write") from None
+        self._file: IO[bytes] = new_file(self.path)
         self._began, self._sync = began, sync
         self._writer: Any = Writer(self._file)
         self._decoder = Decoder()

@@ -24,6 +24,7 @@ from swingid.live.progress import Follower, Progress
 from swingid.live.ring import Kind, Reader, Record, Ring, Role, started
 from swingid.live.running import OVERTIME, SLOW
 from swingid.live.worker import DEAD, HUNG, POLL, Job
+from swingid.system import new_file
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -73,7 +74,10 @@ class ProcessConductor:
         required(order)
         Limits.of(self.rig)
         require_new(out)
-        self._check_out(out)
+        new = not out.exists()
+        new_file(out).close()
+        if new:  # the recorder makes it again
+            out.unlink()
         ring = self._ring = Ring()
         ring.hold(Role.VIEW)
         if self._asked is not None:  # before there was a ring
@@ -97,17 +101,6 @@ class ProcessConductor:
         finally:
             self._ring = self._asked = None
             ring.close()
-
-    @staticmethod
-    def _check_out(out: Path) -> None:
-        new = not out.exists()
-        try:
-            out.open("wb").close()
-            if new:  # the recorder makes it again
-                out.unlink()
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise InputError(f"cannot write {out}: {reason}; give another --out", code="cannot-write") from None
 
     def _follow(self, order: Order, ring: Ring, workers: dict[str, subprocess.Popen[bytes]]) -> Done:
         """Show what the ring brings until the link has ended; one that hangs is ended."""

@@ -26,15 +26,14 @@ LEAST_TIME = 3.0
 class Progress:
     """A run so far.
 
-    time, left (s); error (rad): of the last sample against the reference; tracking (rad): root of the mean square over
-    the last second; voltage, limit (V). estimate: after the last swing, fresh: whether that came with this call.
-    reached: why the run may stop, "" while it may not. rows, lost: numbers so far; new: rows of this call.
+    time, left (s); tracking (rad): root of the mean square error against the reference over the last second; voltage,
+    limit (V). estimate: after the last swing, fresh: whether that came with this call. reached: why the run
+    may stop, "" while it may not. rows, lost: numbers so far; new: rows of this call.
     """
 
     state: State = State.IDLE
     time: float = 0.0
     left: float = 0.0
-    error: float = 0.0
     tracking: float = 0.0
     gain: float = 0.0
     voltage: float = 0.0
@@ -113,7 +112,6 @@ class Follower:
         self._errors += [row.q1 - row.ym for row in rows if row.q1 is not None and row.ym is not None]
         del self._errors[: -int(self.rate)]
         if self._errors:
-            shown.error = self._errors[-1]
             shown.tracking = (sum(e * e for e in self._errors) / len(self._errors)) ** 0.5
         shown.rows, shown.lost = shown.rows + len(rows), self._rows.lost
         self._guarded(lambda: self._estimate(rows))

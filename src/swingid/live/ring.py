@@ -238,11 +238,8 @@ class Reader:
         records = []
         while self._tail < head:
             kind, now, length = _RECORD.unpack(self._bytes(self._tail, _RECORD.size))
+            data = self._bytes(self._tail + _RECORD.size, min(length, ROOM))
             if self._behind():  # written over while it was read
-                head = self._skip()
-                continue
-            data = self._bytes(self._tail + _RECORD.size, length)
-            if self._behind():
                 head = self._skip()
                 continue
             self._tail += _RECORD.size + length

@@ -42,12 +42,16 @@ class Connection:
     @contextmanager
     def used(self, *, to_send: bool = False) -> Iterator[Any]:
         """The handle. What fails in it is a DeviceError: the device has gone, or takes nothing that is sent to it."""
-        if self._handle is None:
-            raise closed_error(self.address)
+        self.require_open()
         try:
             yield self._handle
         except self._failures as error:
             raise stuck(self.address) if to_send and self.is_full(error) else gone(self.address, error) from None
+
+    def require_open(self) -> None:
+        """Raise UsageError where it is closed."""
+        if self._handle is None:
+            raise closed_error(self.address)
 
     def is_full(self, error: Exception) -> bool:
         """Return whether it has taken nothing for too long, by the error of sending."""

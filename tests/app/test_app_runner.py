@@ -103,6 +103,22 @@ def test_a_run_of_the_twin_ends_with_its_process(runner, tmp_path):
     assert "has died" in runner.seen.lines[-1]
 
 
+def test_a_step_without_room_for_its_ring_is_one_sentence(runner, tmp_path, monkeypatch):
+    monkeypatch.setenv("SWINGID_MEMORY", str(tmp_path / "missing"))
+    runner.start(Task("connect", "", "paper"))
+    assert not runner.busy
+    assert runner.seen.ended == "failed"
+    assert "name another folder by $SWINGID_MEMORY" in runner.seen.lines[-1]
+
+
+def test_a_step_opens_after_others_that_stand_before_it():
+    names = [step.name for step in steps.STEPS]
+    assert list(steps.ON_RIG) == names[: len(steps.ON_RIG)]
+    for number, step in enumerate(steps.STEPS):
+        assert all(names.index(before) < number for before in step.after)
+        assert (step.do is None) == (step.doing == "")
+
+
 ELSEWHERE = """
 import sys, time
 from swingid.live.registry import announced

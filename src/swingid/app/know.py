@@ -106,7 +106,7 @@ class Know:
     def _name(self) -> None:
         with ui.element("div").classes("swingid-question"):
             ui.label("Name of the rig").classes("swingid-strong")
-            made = entry("", self.draft.name, self._set_name)
+            made = entry(None, self.draft.name, self._set_name)
             made.props('dense outlined aria-label="name of the rig"').classes("w-full")
 
     def _set_name(self, name: str) -> None:

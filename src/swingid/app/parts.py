@@ -116,7 +116,7 @@ def mend_button(mend: Mapping[str, object], mended: Callable[[Mapping[str, objec
         main_button(f"Set {mend_words(mend)}", lambda: mended(mend)).classes("self-start")
 
 
-def entry(words: str, value: str, put: Callable[[str], Any], **options: Any) -> ui.input:
+def entry(words: str | None, value: str, put: Callable[[str], Any], **options: Any) -> ui.input:
     """A field of text. put: called with what is typed."""
     return ui.input(words, value=value, on_change=lambda event: put(str(event.value or "").strip()), **options)
 

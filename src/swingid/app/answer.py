@@ -192,7 +192,7 @@ def swings_picture(result: Result) -> None:
     """One inertia per swing, the estimate and its interval as a band; of several logs or parts one for each."""
     main = result.main
     if result.per_log or result.per_part:
-        logs = [(str(one.provenance.get("log") or "log"), *_row_of(one)) for one in result.per_log]
+        logs = [(str(of_log.provenance.get("log") or "log"), *_row_of(of_log)) for of_log in result.per_log]
         each = _parts(result) if result.per_part else logs
         html(forest(each, main), "w-full")
         return

@@ -58,10 +58,13 @@ class Guide:
         ui.timer(0.02, self._begin, once=True)
 
     async def _begin(self) -> None:
-        if self.draft.logs and not self.draft.base:
-            await self.look.take(self.draft.logs)
+        logs = self.draft.logs
+        if logs and not self.draft.base:  # as if they were dropped
+            self.draft.logs = {}
+            await self._open(LOOK)
+            await self.look.take(logs)
         else:
-            await self.go(PART if self.draft.logs else LOOK)
+            await self.go(PART if logs else LOOK)
 
     async def _reopen(self, step: Step) -> None:
         number = step.number - 1

@@ -17,7 +17,7 @@ from swingid import Recording, Rig
 from swingid.app import live_steps as steps
 from swingid.app.order import WrongFieldError, order_of, share_of
 from swingid.app.runner import Runner
-from swingid.app.task import StoppedError, Task, View
+from swingid.app.task import Halt, StoppedError, Task, View
 from swingid.live.codes import State, StopMode
 from swingid.live.ring import Kind, Reader, Ring, Role, started
 
@@ -177,6 +177,16 @@ def test_a_run_goes_on_without_its_server_to_its_end(tmp_path):
     process = orphan(Task("run", "", "paper", SINE, 20.0, out=str(out)))
     assert process.wait(120) == 0
     assert Recording.load(out, Rig.load("paper")).duration == pytest.approx(20, abs=0.01)
+
+
+def test_a_stop_just_before_its_server_dies_reaches_the_run():
+    ring, asked = Ring(), []
+    view = View(ring)
+    ring.ask(StopMode.SOFT, "pressed")
+    view.pass_stops_to(lambda *stop: asked.append(stop))
+    view._watch(Halt.FADES)  # nobody holds the lock of the server
+    ring.close()
+    assert asked == [(StopMode.SOFT, "pressed")] * 2
 
 
 class Asked(View):

@@ -161,8 +161,7 @@ def _run(task: Task, rig: Rig, view: View) -> None:
     view.pass_stops_to(conductor.stop)
     with stopping(conductor.stop):
         done = conductor.run(order, Path(task.out))
-    zero = "0 V" if done.end.seen else "0 V was not seen, the firmware's guard gives it"
-    view.say(f"{done.end.sentence}: {zero}; wrote {task.out}")
+    view.say(f"{done.end.sentence}: {done.end.zero}; wrote {task.out}")
     view.found = {"journal": task.out, "seen": done.end.seen}
     require_usable(done, task.out)
 

@@ -109,8 +109,9 @@ class View:
         threading.Thread(target=self._watch, args=(halt,), daemon=True).start()
 
     def pass_stops_to(self, stop: Callable[[StopMode, str], None]) -> None:
-        """Who stops the run."""
+        """Who stops the run; called at once where a stop has been asked for."""
         self._stop = stop
+        self._pass_on()
 
     def require_wanted(self) -> None:
         """Raise StoppedError where a stop has been asked for; once, so that the messages that give 0 V can go out."""
@@ -118,13 +119,18 @@ class View:
             self._told = True
             raise StoppedError(ASKED, code="stopped")
 
+    def _pass_on(self) -> None:
+        """Again and again: a run takes a stop only from a certain point on, and takes it once."""
+        asked = self.ring.asked
+        if asked is not None and self._stop is not None:
+            with suppress(ValueError, OSError, AttributeError):  # the run may just end
+                self._stop(*asked)
+
     def _watch(self, halt: Halt) -> None:
-        while self.ring.held(Role.VIEW):
-            asked = self.ring.asked
-            if asked is not None and self._stop is not None:
-                # again and again: a run takes a stop only from a certain point on, and takes it once
-                with suppress(ValueError, OSError, AttributeError):  # the run may just end
-                    self._stop(*asked)
+        lives = True
+        while lives:
+            lives = self.ring.held(Role.VIEW)  # looked for first: a stop that came before its death counts
+            self._pass_on()
             time.sleep(LOOK)
         if halt is Halt.FADES:
             return

@@ -14,10 +14,14 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from time import sleep
-from typing import IO, Any
+from typing import TYPE_CHECKING
 
 from swingid.errors import InputError
 from swingid.processes import interruption_waits
+
+if TYPE_CHECKING:
+    pass
+
 
 LARGEST_FILE = 1 << 30
 """Bytes of a file or a pipe that are read whole, at most."""
@@ -113,15 +117,6 @@ def read_input(path: str | Path, *, missing: str, folder: tuple[str, str], most:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"{name} cannot be read: {reason}.", code="unreadable-file") from None
-
-
-def new_file(path: Path, mode: str = "wb", encoding: str | None = None, newline: str | None = None) -> IO[Any]:
-    """A file that is opened to be written; InputError where it can't be made."""
-    try:
-        return path.open(mode, encoding=encoding, newline=newline)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot write {path}: {reason}; give another --out", code="cannot-write") from None
 
 
 def sha256_of(path: str | Path, stopped: Callable[[], bool] = lambda: False) -> str:

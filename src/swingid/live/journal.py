@@ -25,7 +25,6 @@ from swingid.live.schema import database_text, missing_extra, schema
 from swingid.recording.formats.mcap import RUN
 from swingid.recording.formats.table import METADATA_KEY
 from swingid.recording.live import ARRIVAL
-from swingid.system import new_file
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -73,6 +72,15 @@ def require_new(path: str | Path) -> None:
     if file.is_file() and file.stat().st_size:
         text = f"{path} exists, and a run does not overwrite a measurement; give another --out, or remove it"
         raise InputError(text, code="file-exists")
+
+
+def new_file(path: Path, mode: str = "wb", encoding: str | None = None, newline: str | None = None) -> IO[Any]:
+    """A file that is opened to be written; InputError where it can't be made."""
+    try:
+        return path.open(mode, encoding=encoding, newline=newline)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot write {path}: {reason}; give another --out", code="cannot-write") from None
 
 
 class Journal:

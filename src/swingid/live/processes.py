@@ -19,12 +19,11 @@ from swingid.live.codes import StopMode
 from swingid.live.experiment import Conductor, Done, Order, opened, required
 from swingid.live.frames import Decoder
 from swingid.live.guard import Limits
-from swingid.live.journal import require_new
+from swingid.live.journal import new_file, require_new
 from swingid.live.progress import Follower, Progress
 from swingid.live.ring import Kind, Reader, Record, Ring, Role, started
 from swingid.live.running import OVERTIME, SLOW
 from swingid.live.worker import DEAD, HUNG, POLL, Job
-from swingid.system import new_file
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig

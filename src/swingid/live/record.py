@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swingid.errors import DeviceError, InputError, UsageError
-from swingid.system import new_file
+from swingid.live.journal import new_file
 
 if TYPE_CHECKING:
     from swingid.live.devices.stream import Stream

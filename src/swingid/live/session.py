@@ -110,8 +110,9 @@ class Session:
     def _no_hello(self) -> DeviceError:
         name, link = self.link.name, self.link
         if link.frames > link.bad:
-            text = f"{name} sends frames and does not answer Who; build its firmware anew"
-            return DeviceError(text, code="no-answer")
+            return DeviceError(
+                f"{name} sends frames and does not answer Who; build its firmware anew", code="no-answer"
+            )
         if link.bad or link.bytes_in:
             text = f"{name} sends bytes that are no frames of swingid; check the baud rate, and that its firmware is "
             text += "that of firmware/, or name a csv:// device for one that prints"

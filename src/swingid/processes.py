@@ -90,18 +90,23 @@ def interruption_waits() -> Iterator[None]:
 
 
 def _begin_work() -> None:
-    """Prepare a process of `worker_pool`: keep memory; end with the process that started it, which may be killed."""
+    """Prepare a process of `worker_pool`: keep memory; end with the process that started it."""
+    keep_memory()
+    end_with_parent()
+
+
+def end_with_parent() -> None:
+    """End this process of a pool where the one that started it is killed, which no pool does by itself."""
     from multiprocessing import connection, parent_process
 
-    keep_memory()
     parent = parent_process()
     assert parent is not None
 
-    def end_with_parent() -> None:
+    def watch() -> None:
         connection.wait([parent.sentinel])
         os._exit(1)
 
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

@@ -157,6 +157,15 @@ def test_from_a_dropped_file_to_what_is_kept(log, tmp_path):
         assert "bug" not in process.stdout.read()
 
 
+def test_a_page_that_begins_with_a_log_and_no_rig_file_shows_its_columns(log):
+    with served("--log", str(log)) as (address, _), browser() as chromium:
+        page = chromium.new_page()
+        page.goto(address)
+        page.get_by_text("by its name, its unit is stated (deg)").wait_for(timeout=3 * SLOW)  # workers begin
+        next_step(page, "Next: which rig?")
+        page.locator(".swingid-card").first.wait_for(timeout=SLOW)
+
+
 @pytest.mark.long
 def test_what_is_wrong_in_a_rig_file_is_mended_by_a_button(tmp_path):
     t, q = released(0.0, 20.0)

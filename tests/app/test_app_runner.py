@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
+import pickle
 import socket
 import subprocess
 import sys
@@ -14,11 +14,12 @@ import pytest
 
 from long_cases import quick_if
 from swingid import Recording, Rig
-from swingid.app import task as steps
+from swingid.app import live_steps as steps
 from swingid.app.order import WrongFieldError, order_of, share_of
 from swingid.app.runner import Runner
-from swingid.app.task import StoppedError, Task, View
+from swingid.app.task import Halt, StoppedError, Task, View
 from swingid.live.codes import State, StopMode
+from swingid.live.ring import Kind, Reader, Ring, Role, started
 
 for package in ("cantools", "cobs", "fastcrc", "mcap"):
     pytest.importorskip(package, reason=f"{package} is not installed: pip install 'swingid[live]'")
@@ -102,6 +103,22 @@ def test_a_run_of_the_twin_ends_with_its_process(runner, tmp_path):
     assert "has died" in runner.seen.lines[-1]
 
 
+def test_a_step_without_room_for_its_ring_is_one_sentence(runner, tmp_path, monkeypatch):
+    monkeypatch.setenv("SWINGID_MEMORY", str(tmp_path / "missing"))
+    runner.start(Task("connect", "", "paper"))
+    assert not runner.busy
+    assert runner.seen.ended == "failed"
+    assert "name another folder by $SWINGID_MEMORY" in runner.seen.lines[-1]
+
+
+def test_a_step_opens_after_others_that_stand_before_it():
+    names = [step.name for step in steps.STEPS]
+    assert list(steps.ON_RIG) == names[: len(steps.ON_RIG)]
+    for number, step in enumerate(steps.STEPS):
+        assert all(names.index(before) < number for before in step.after)
+        assert (step.do is None) == (step.doing == "")
+
+
 ELSEWHERE = """
 import sys, time
 from swingid.live.registry import announced
@@ -135,22 +152,20 @@ def test_a_run_that_no_process_here_shows_is_seen_and_stopped(runner, tmp_path, 
         other.stdout.close()
 
 
-def orphan(task: dict[str, object]) -> subprocess.Popen[bytes]:
-    """A step whose server dies 1 s after it has said something."""
-    job = {"task": task, "address": ["127.0.0.1", 9], "key": "k"}
-    process = subprocess.Popen(
-        [sys.executable, "-m", "swingid.app.task"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
-    )
-    process.stdin.write(json.dumps(job).encode() + b"\n")
-    process.stdout.readline()
+def orphan(task: Task) -> subprocess.Popen[bytes]:
+    """A step whose server dies 1 s after it has said something: its lock of the ring ends."""
+    ring = Ring()
+    ring.hold(Role.VIEW)
+    ring.write(Kind.JOB, 0.0, pickle.dumps(task))
+    process, reader = started(ring, "swingid.app.live_steps"), Reader(ring)
+    until(lambda: any(record.kind is Kind.SAY for record in reader.read()), 60)
     time.sleep(1.0)
-    process.stdin.close()
-    process.stdout.close()
+    ring.close()
     return process
 
 
 def test_a_rehearsal_ends_with_its_server():
-    process = orphan({"kind": "rehearse", "address": "", "rig": "paper", "motion": SINE, "duration": 3500.0})
+    process = orphan(Task("rehearse", "", "paper", SINE, 3500.0))
     began = time.monotonic()
     process.wait(30)
     assert time.monotonic() - began < 15  # a loop that is compiled runs to its end, some seconds
@@ -159,25 +174,32 @@ def test_a_rehearsal_ends_with_its_server():
 @pytest.mark.long
 def test_a_run_goes_on_without_its_server_to_its_end(tmp_path):
     out = tmp_path / "run.mcap"
-    process = orphan({"kind": "run", "address": "", "rig": "paper", "motion": SINE, "duration": 20.0, "out": str(out)})
+    process = orphan(Task("run", "", "paper", SINE, 20.0, out=str(out)))
     assert process.wait(120) == 0
     assert Recording.load(out, Rig.load("paper")).duration == pytest.approx(20, abs=0.01)
+
+
+def test_a_stop_just_before_its_server_dies_reaches_the_run():
+    ring, asked = Ring(), []
+    view = View(ring)
+    ring.ask(StopMode.SOFT, "pressed")
+    view.pass_stops_to(lambda *stop: asked.append(stop))
+    view._watch(Halt.FADES)  # nobody holds the lock of the server
+    ring.close()
+    assert asked == [(StopMode.SOFT, "pressed")] * 2
 
 
 class Asked(View):
     """A person who presses STOP at the n-th turn of the link."""
 
     def __init__(self, turn: int) -> None:
-        super().__init__("check", 0, os.open(os.devnull, os.O_WRONLY), ("127.0.0.1", 9), "k")
-        self.turn, self.turns, self.lines = turn, 0, []
-
-    def say(self, line: str) -> None:
-        self.lines.append(line)
+        super().__init__(Ring())
+        self.turn, self.turns = turn, 0
 
     def require_wanted(self) -> None:
         self.turns += 1
         if self.turns >= self.turn:
-            self.asked = StopMode.HARD
+            self.ring.ask(StopMode.HARD, "pressed")
         super().require_wanted()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -224,12 +225,10 @@ def test_samples_of_another_rate_are_refused(rate: float, seconds: float) -> Non
 
 @pytest.mark.parametrize("words", ["sine 3 rad 8.5 rad/s", "sine 0.05 rad 5 rad/s"])
 def test_a_motion_that_the_twin_does_not_follow_is_refused(words: str) -> None:
-    limits = Limits.of(RIG, angle=3.0, speed=60.0, wheel_speed=500.0)
-    from dataclasses import replace
-
+    limits = replace(Limits.of(RIG), angle=3.0, speed=60.0, wheel_speed=500.0, saturated=60.0)
     span = {"duration": 10.0, "rate": 1000.0, "fade": 0.5}
     with pytest.raises(UsageError, check=coded("does-not-follow")) as error:
-        rehearsed(RIG, parse_reference(words), Compensator.paper(RIG), replace(limits, saturated=60.0), **span)
+        rehearsed(RIG, parse_reference(words), Compensator.paper(RIG), limits, **span)
     assert (error.value.code, error.value.exit_code) == ("does-not-follow", 2)
 
 

@@ -22,7 +22,7 @@ from swingid.live.devices.moteus_drive import MoteusDevice
 from swingid.live.devices.table import open_device
 from swingid.live.guard import Board, Limits, parameters_of
 from swingid.live.plant import Plant
-from swingid.live.rows import Rows, columns
+from swingid.live.rows import Rows
 from swingid.live.running import Reason
 from swingid.live.session import Session
 from swingid.recording.recording import Recording
@@ -135,8 +135,8 @@ def test_a_run_with_the_loop_in_the_host_gives_the_inertia(drive: tuple[FakeDriv
         run = session.run(reference)
     assert run.end.reason is Reason.FINISHED, run.end.sentence
     rows = Rows(parameters.tolist(), start=run.start)
-    made = columns(rows.feed(run.samples))
-    log = Recording(*(np.array(made[name]) for name in ("t", "q1")), wheel_angle=made["q2"], voltage=made["u"])
+    time, angle, wheel, voltage = (np.array(column) for column in list(zip(*rows.feed(run.samples), strict=True))[:4])
+    log = Recording(time, angle, wheel_angle=wheel, voltage=voltage)
     result = identify(log, RIGHT)
     assert RIGHT.axis.inertia is not None
     low, high = result.parameters["inertia"].interval95

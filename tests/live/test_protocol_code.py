@@ -140,7 +140,7 @@ def reading(axis: int, wheel: int, trouble: str, rng: np.random.Generator) -> Re
         trouble, int(rng.integers(1, 10))
     )
     current = float(rng.choice([3.0, -3.0])) if trouble == "current" else float(rng.choice([0.5, math.nan]))
-    return Readings(guard._change(axis, 0), guard._change(wheel, 0), current, trouble != "encoder")
+    return Readings(guard.apart(axis, 0), guard.apart(wheel, 0), current, trouble != "encoder")
 
 
 def session_of(trouble: str, rng: np.random.Generator) -> set[str]:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import multiprocessing
-import os
 import signal
-import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from functools import lru_cache
-from multiprocessing.connection import wait
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,7 +23,7 @@ from swingid.numerics.arrays import Array
 from swingid.pooling.selected import in_parts, releases
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
-from swingid.processes import end_workers, interruption_waits
+from swingid.processes import end_with_parent, end_workers, interruption_waits
 from swingid.recording.formats import read_table
 from swingid.recording.formats.csv import without_lines
 from swingid.recording.inspect import describe, guess_roles
@@ -122,7 +119,7 @@ class Analyst:
 
 
 def _pool() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent)
+    return ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
 
 
 def _end(pool: ProcessPoolExecutor) -> None:
@@ -130,18 +127,10 @@ def _end(pool: ProcessPoolExecutor) -> None:
     pool.shutdown(wait=False)
 
 
-def _end_with_parent() -> None:
-    """End this worker where its parent dies, which no pool does by itself, and not by a Ctrl-C in the terminal."""
+def _begin() -> None:
+    """End this worker where its parent dies, and not by a Ctrl-C in the terminal."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def watch(sentinel: int) -> None:
-        wait([sentinel])
-        os._exit(1)
-
-    threading.Thread(target=watch, args=(parent.sentinel,), daemon=True).start()
+    end_with_parent()
 
 
 @np.errstate(over="ignore", invalid="ignore")  # absurd numbers are drawn as they are, and no cause to print

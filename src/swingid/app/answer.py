@@ -11,7 +11,7 @@ from nicegui import ui
 
 from swingid.app.analysis import STOPPED, Analyst, answered
 from swingid.app.draft import Draft, case_of, mend_of
-from swingid.app.parts import escaped, html, main_button, more, on_page, said
+from swingid.app.parts import escaped, html, mend_button, more, on_page, said
 from swingid.app.plot import Line, Plot
 from swingid.errors import SwingidError
 from swingid.format import percent, plus_minus, pretty_unit
@@ -123,10 +123,7 @@ class Answer:
             ui.label(_sentence(why or remedy)).classes("swingid-text")
             if why:
                 ui.label(f"Do this: {remedy[:1].lower()}{remedy[1:]}").classes("swingid-text")
-            mend = mend_of(code, sentence, self.draft)
-            if mend:
-                words = ", ".join(f"{key} = {value}" for key, value in mend.items())
-                main_button(f"Set {words}", lambda: self.mended(mend)).classes("self-start")
+            mend_button(mend_of(code, sentence, self.draft), self.mended)
 
     def _draw_methods(self) -> None:
         self.methods.clear()
@@ -195,7 +192,8 @@ def swings_picture(result: Result) -> None:
     """One inertia per swing, the estimate and its interval as a band; of several logs or parts one for each."""
     main = result.main
     if result.per_log or result.per_part:
-        each = _parts(result) if result.per_part else [(_log(of_log), *_row_of(of_log)) for of_log in result.per_log]
+        logs = [(str(of_log.provenance.get("log") or "log"), *_row_of(of_log)) for of_log in result.per_log]
+        each = _parts(result) if result.per_part else logs
         html(forest(each, main), "w-full")
         return
     swings = None if result.details is None else result.details.swings
@@ -280,10 +278,6 @@ def _row_of(result: Result | None) -> tuple[Parameter | None, str]:
     if result.leading not in result.parameters:
         return None, _sentence(FILE.sub("", result.error.message) if result.error else "no number")
     return result.main, "" if result.status == "ok" else " ⚠"
-
-
-def _log(result: Result) -> str:
-    return str(result.provenance.get("log") or "log")
 
 
 def _parts(result: Result) -> list[tuple[str, Parameter | None, str]]:

@@ -35,15 +35,12 @@ class LogDashboard:
         analyst = Analyst()
         with TemporaryDirectory(prefix="swingid-", ignore_cleanup_errors=True) as folder:
             serve(
-                lambda: Guide(analyst, Path(folder), self._draft()).build(),
+                lambda: Guide(analyst, Path(folder), Draft.of(self.logs, self.rig)).build(),
                 place,
                 show=show,
                 asked_to_end=lambda: None,
                 closing=analyst.close,
             )
-
-    def _draft(self) -> Draft:
-        return Draft(logs=dict(self.logs)) if self.rig is None else Draft.of(self.logs, self.rig)
 
     def words_at_end(self) -> str:
         """What a person who has ended the page wants to know."""

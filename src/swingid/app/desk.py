@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from swingid.app.analysis import Analyst
+from swingid.app.live_steps import ON_RIG
 from swingid.app.runner import Runner
-from swingid.app.task import Kind
 
 STALE = 15.0
 """Seconds without a sign of the page that controls, after which another one may."""
@@ -51,15 +51,9 @@ class Desk:
             return True
         return False
 
-    def opened(self) -> dict[Kind, bool]:
+    def opened(self) -> dict[str, bool]:
         """Which steps may be begun."""
-        passed = self.runner.passed
-        return {
-            "connect": True,
-            "check": "connect" in passed,
-            "rehearse": "check" in passed,
-            "run": "check" in passed and "rehearse" in passed,
-        }
+        return {name: self.runner.passed.issuperset(step.after) for name, step in ON_RIG.items()}
 
     def new_journal(self) -> str:
         """A file that is not there yet."""

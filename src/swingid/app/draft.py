@@ -77,8 +77,10 @@ class Draft:
     added: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(cls, logs: Mapping[str, Path], rig: Rig) -> Draft:
-        """Make the draft of logs and the rig file that belongs to them."""
+    def of(cls, logs: Mapping[str, Path], rig: Rig | None) -> Draft:
+        """Make the draft of logs and the rig file that belongs to them, if there is one."""
+        if rig is None:
+            return cls(logs=dict(logs))
         return cls(logs=dict(logs), base=rig.text, name=rig.name, kind=kind_of_rig(rig))
 
     def take_guess(self, looked: Mapping[str, Any]) -> None:

@@ -10,13 +10,14 @@ import hashlib
 import hmac
 import ipaddress
 import socket
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, quote, urlencode
 
+from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
@@ -123,7 +124,7 @@ class Gate:
         if scope["type"] not in ("http", "websocket"):
             await self.application(scope, receive, send)
             return
-        headers = _Headers(scope["headers"])
+        headers = Headers(scope=scope)
         wrong = self._foreign(scope, headers)
         given = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1")))
         if not wrong and self.place.token and not self._knows(given, headers):
@@ -139,9 +140,9 @@ class Gate:
         else:
             await self.application(scope, receive, send)
 
-    def _foreign(self, scope: Scope, headers: _Headers) -> str:
+    def _foreign(self, scope: Scope, headers: Headers) -> str:
         """Why a request is not one of a page of this server; "" where it is."""
-        hosts, origins = headers["host"], headers["origin"]
+        hosts, origins = headers.getlist("host"), headers.getlist("origin")
         host = host_of(hosts[0]) if len(hosts) == 1 else None
         if host is None or not self.place.is_ours(host):
             return (
@@ -152,17 +153,17 @@ class Gate:
         allowed = [f"{scheme}://{hosts[0]}".lower() for scheme in ("http", "https")]  # https: behind a proxy
         if len(origins) > 1 or (acts and not origins) or (origins and origins[0].lower() not in allowed):
             return "This comes from a page of another address, which may not reach this one"
-        site, mode = headers["sec-fetch-site"], headers["sec-fetch-mode"]
+        site, mode = headers.getlist("sec-fetch-site"), headers.getlist("sec-fetch-mode")
         if any(word in ("cross-site", "same-site") for word in site) and mode != ["navigate"]:
             return "This comes from a page of another address, which may not reach this one"
         return ""
 
-    def _knows(self, given: Mapping[str, str], headers: _Headers) -> bool:
+    def _knows(self, given: Mapping[str, str], headers: Headers) -> bool:
         """Return whether a request has the token, in its address or in a cookie."""
         token, kept, cookie = self.place.token, self.place.kept, self.place.cookie
         known = [_same(given["token"], token)] if "token" in given else []
         with suppress(CookieError):
-            for line in headers["cookie"]:
+            for line in headers.getlist("cookie"):
                 known += [_same(each.value, kept) for name, each in SimpleCookie(line).items() if name == cookie]
         return any(known)
 
@@ -180,10 +181,10 @@ class Gate:
         await _answer(send, 303, b"", headers)
 
 
-def _too_large(headers: _Headers) -> bool:
+def _too_large(headers: Headers) -> bool:
     """Return whether the body of a request is larger than `LARGEST_BODY`, or its length is not stated."""
-    lengths = headers["content-length"]
-    return bool(headers["transfer-encoding"]) or any(
+    lengths = headers.getlist("content-length")
+    return bool(headers.getlist("transfer-encoding")) or any(
         not length.isdigit() or int(length) > LARGEST_BODY for length in lengths
     )
 
@@ -191,16 +192,6 @@ def _too_large(headers: _Headers) -> bool:
 def _same(first: str, second: str) -> bool:
     """Return whether two texts are the same, in a time that does not tell how far they are."""
     return hmac.compare_digest(first.encode("utf-8", "replace"), second.encode("utf-8", "replace"))
-
-
-class _Headers:
-    """The values of a header by its name in small letters, () where it is missing."""
-
-    def __init__(self, pairs: Iterable[tuple[bytes, bytes]]) -> None:
-        self._pairs = list(pairs)
-
-    def __getitem__(self, name: str) -> list[str]:
-        return [value.decode("latin-1").strip() for key, value in self._pairs if key.lower() == name.encode()]
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, text: str) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,30 +17,33 @@ from swingid.app.kinds import likely
 from swingid.app.know import Know, rig_cards
 from swingid.app.look import Look
 from swingid.app.part import Part
-from swingid.app.parts import Frame, Step, main_button, plain_button
+from swingid.app.parts import Frame, Step, main_button, mend_words, plain_button
 from swingid.result.brief import value_and_reach
-
-WORDS = (
-    ("Look", "what the columns of your log are"),
-    ("Which rig?", "waits for the columns of a log"),
-    ("What you know", "waits for the kind of rig"),
-    ("Part", "waits for the rig"),
-    ("Answer", "waits for the part of the log"),
-    ("Keep", "waits for the answer"),
-)
-LOOK, RIG, KNOW, PART, ANSWER, KEEP = range(6)
 
 SENTENCE = "Drop a log of a swinging body, and get its moment of inertia with an interval."
 
 
+@dataclass(frozen=True, slots=True)
+class LogStep:
+    """A step of the page on a log: its title, what it waits for while it can't be opened, what lays its content out.
+
+    offer: word of the button that leads to it. line: what has come of it, "" before.
+    """
+
+    title: str
+    waits: str
+    show: Callable[[Guide], Awaitable[None]]
+    offer: str = ""
+    line: Callable[[Guide], str] = lambda _: ""
+
+
 class Guide:
-    """One browser's page on a log."""
+    """One browser's page on a log. reached: number of the last step that may be opened."""
 
     def __init__(self, analyst: Analyst, folder: Path, draft: Draft) -> None:
         self.analyst, self.folder, self.draft = analyst, folder, draft
         self.found: Mapping[str, Any] = {}
         self.reached = 0
-        self.lines = [""] * len(WORDS)
         self.known = ""
         self.answer: Answer | None = None
         self.look = Look(analyst, folder, self._taken, self._looked)
@@ -47,26 +51,20 @@ class Guide:
 
     def build(self) -> None:
         """Lay the page out; what takes time is filled in as it is found."""
-        known = bool(self.draft.base)
-        self.frame = Frame(self.draft.name if known else "swingid", SENTENCE)
+        self.frame = Frame(self.draft.name if self.draft.base else "swingid", SENTENCE)
         self.look.home = self.frame.place
         with self.frame.place:
-            self.steps = [Step(k + 1, word, waits, self._reopen) for k, (word, waits) in enumerate(WORDS)]
-        if known:
-            self.lines[RIG] = f"rig file {self.draft.name}"
-            self.lines[KNOW] = "as the rig file states"
+            self.steps = [Step(k, step.title, step.waits, self._reopen) for k, step in enumerate(STEPS, 1)]
         ui.timer(0.02, self._begin, once=True)
 
     async def _begin(self) -> None:
-        if not self.draft.logs:
-            await self.go(LOOK)
-            return
-        self.lines[LOOK] = ", ".join(self.draft.logs)
-        if not self.draft.base:
-            await self.look.take(self.draft.logs)
-            return
-        self.reached = PART
-        await self.go(PART)
+        logs = self.draft.logs
+        if logs and not self.draft.base:  # as if they were dropped
+            self.draft.logs = {}
+            await self._open(LOOK)
+            await self.look.take(logs)
+        else:
+            await self.go(PART if logs else LOOK)
 
     async def _reopen(self, step: Step) -> None:
         number = step.number - 1
@@ -80,22 +78,24 @@ class Guide:
 
     async def _open(self, number: int) -> None:
         self.reached = max(self.reached, number)
-        for k, step in enumerate(self.steps):
+        for k, (step, shown) in enumerate(zip(STEPS, self.steps, strict=True)):
+            line = step.line(self)
             if k == number:
-                step.show("now", "")
+                shown.show("now", "")
+            elif k < self.reached or (k == self.reached and line):
+                shown.show("done", line)
             else:
-                done = k < number or k < self.reached or (k == self.reached and bool(self.lines[k]))
-                step.show("done" if done else "later", self.lines[k] if done else None)
+                shown.show("later")
         body = self.steps[number].body
         body.clear()
         self.next = None
         with body:
-            await (self._look, self._rig, self._know, self._part, self._answer, self._keep)[number]()
+            await STEPS[number].show(self)
 
-    def _end(self, word: str, number: int, *, ready: bool = True) -> None:
+    def _end(self, number: int, *, ready: bool = True) -> None:
         """The button that offers the next step."""
         with ui.row().classes("swingid-step-end"):
-            self.next = main_button(word, lambda: self.go(number))
+            self.next = main_button(STEPS[number].offer, lambda: self.go(number))
             self.next.set_enabled(ready)
 
     async def _look(self) -> None:
@@ -108,12 +108,12 @@ class Guide:
         elif self.found:
             self.look.show(self.draft, self.found)
         with ui.row().classes("swingid-step-end"):
-            self.next = main_button("Next: which rig?", lambda: self.go(PART if self.draft.base else RIG))
+            self.next = main_button(STEPS[RIG].offer, lambda: self.go(PART if self.draft.base else RIG))
             plain_button("Another log", self._restart)
         self._looked()
 
     async def _restart(self) -> None:
-        self.draft.logs, self.found, self.reached, self.lines[LOOK] = {}, {}, 0, ""
+        self.draft.logs, self.found, self.reached = {}, {}, LOOK
         self.draft.parts = []
         await self.go(LOOK)
 
@@ -121,15 +121,9 @@ class Guide:
         """Files have come."""
         self.draft.logs, self.found = dict(paths), look
         self.draft.take_guess(look)
-        rows = f"{look['rows']} rows" + (f", {look['duration']:.4g} s" if look["duration"] else "")
-        self.lines[LOOK] = f"{', '.join(paths)}: {rows}"
-        self.frame.say(f"{rows}. Are these the right columns?")
-        if self.draft.base:
-            self.reached = PART
-            await self.go(PART)
-            return
-        self.reached = LOOK
-        await self.go(LOOK)
+        self.frame.say(f"{rows_of(look)}. Are these the right columns?")
+        self.reached = PART if self.draft.base else LOOK
+        await self.go(self.reached)
 
     def _looked(self) -> None:
         """A role, unit or sign was changed: what rests on it is to be done again."""
@@ -147,10 +141,9 @@ class Guide:
     def _forget(self, number: int) -> None:
         """Steps after this one wait again."""
         if self.reached > number:
-            self.reached = number
-            for k in range(number + 1, len(WORDS)):
-                self.lines[k] = ""
-                self.steps[k].show("later")
+            self.reached, self.answer = number, None
+            for step in self.steps[number + 1 :]:
+                step.show("later")
 
     async def _rig(self) -> None:
         self.frame.say("Which of these looks like your rig?")
@@ -161,15 +154,12 @@ class Guide:
         if self.draft.kind != name:
             self.draft.kind, self.draft.answers, self.draft.mends = name, {}, {}
             self._forget(RIG)
-        kind = self.draft.rig_kind
-        self.lines[RIG] = kind.title if kind else ""
         await self.go(KNOW)
 
     async def _know(self) -> None:
         self.frame.say("What do you know of it? “Not known” is an answer, too.")
-        know = Know(self.draft, self._known)
-        know.show()
-        self._end("Next: the part to use", PART)
+        Know(self.draft, self._known).show()
+        self._end(PART)
         self._known()
 
     def _known(self) -> None:
@@ -177,8 +167,6 @@ class Guide:
         if self.next is not None:
             self.next.set_enabled(fine)
         self.frame.entitle(self.draft.name if self.draft.base or self.draft.name != "my-rig" else "swingid")
-        count = self.draft.filled()
-        self.lines[KNOW] = "as the rig file states" if self.draft.base else f"{count} stated, the rest not known"
         if self.draft.text() != self.known:
             self.known = self.draft.text()
             self._forget(KNOW)
@@ -188,37 +176,65 @@ class Guide:
         part = Part(self.analyst, self.draft, self.mend)
         if not await part.show():
             return
-        self._end("Answer", ANSWER)
+        self._end(ANSWER)
         ui.timer(0.01, part.inspect, once=True)
 
     async def mend(self, values: Mapping[str, object]) -> None:
         """Write keys into rig.toml, and answer anew."""
         self.draft.mends |= values
-        ui.notify("written: " + ", ".join(f"{key} = {value}" for key, value in values.items()))
+        ui.notify(f"written: {mend_words(values)}")
         await self.go(ANSWER if self.reached >= ANSWER else PART)
 
     async def _answer(self) -> None:
-        spans = ", ".join(f"{a:.4g} to {b:.4g} s" for a, b in self.draft.parts)
-        self.lines[PART] = spans or "whole log"
-        self.steps[PART].show("done", self.lines[PART])
         self.frame.say("Identifying …")
         answer = self.answer = Answer(self.analyst, self.draft, self.mend)
         answer.show()
-        self._end("Next: keep it", KEEP, ready=False)
+        self._end(KEEP, ready=False)
         ui.timer(0.01, lambda: self._run(answer), once=True)
 
     async def _run(self, answer: Answer) -> None:
         result = await answer.run()
         if result is None or answer is not self.answer:
             return
-        if result.parameters:
-            shown = value_and_reach(result.main, fine=True)
-            self.lines[ANSWER] = f"{shown} (95 %)"
-            self.frame.say(f"{shown} (95 %).")
-            if self.next is not None:
-                self.next.set_enabled(True)
-        else:
-            self.frame.say("No answer yet: see what is missing.")
+        self.frame.say(f"{STEPS[ANSWER].line(self)}." if result.parameters else "No answer yet: see what is missing.")
+        if self.next is not None:
+            self.next.set_enabled(bool(result.parameters))
 
     async def _keep(self) -> None:
         Keep(self.analyst, self.draft).show()
+
+    def _line_of_look(self) -> str:
+        return ", ".join(self.draft.logs) + (f": {rows_of(self.found)}" if self.found else "")
+
+    def _line_of_rig(self) -> str:
+        kind = self.draft.rig_kind
+        return f"rig file {self.draft.name}" if self.draft.base else kind.title if kind else ""
+
+    def _line_of_known(self) -> str:
+        return "as the rig file states" if self.draft.base else f"{self.draft.filled()} stated, the rest not known"
+
+    def _line_of_part(self) -> str:
+        spans = ", ".join(f"{a:.4g} to {b:.4g} s" for a, b in self.draft.parts)
+        return (spans or "whole log") if self.reached > PART else ""
+
+    def _line_of_answer(self) -> str:
+        result = None if self.answer is None else self.answer.stated
+        return f"{value_and_reach(result.main, fine=True)} (95 %)" if result is not None and result.parameters else ""
+
+
+def rows_of(look: Mapping[str, Any]) -> str:
+    """How many rows a log has, and how long it is."""
+    return f"{look['rows']} rows" + (f", {look['duration']:.4g} s" if look["duration"] else "")
+
+
+STEPS = (
+    LogStep("Look", "what the columns of your log are", Guide._look, line=Guide._line_of_look),
+    LogStep("Which rig?", "waits for the columns of a log", Guide._rig, "Next: which rig?", Guide._line_of_rig),
+    LogStep("What you know", "waits for the kind of rig", Guide._know, line=Guide._line_of_known),
+    LogStep("Part", "waits for the rig", Guide._part, "Next: the part to use", Guide._line_of_part),
+    LogStep("Answer", "waits for the part of the log", Guide._answer, "Answer", Guide._line_of_answer),
+    LogStep("Keep", "waits for the answer", Guide._keep, "Next: keep it"),
+)
+"""The steps in order."""
+
+LOOK, RIG, KNOW, PART, ANSWER, KEEP = range(len(STEPS))

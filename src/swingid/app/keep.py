@@ -10,7 +10,7 @@ from nicegui import ui
 
 from swingid.app.analysis import Analyst, Case, answered, reported
 from swingid.app.draft import Draft, case_of
-from swingid.app.parts import escaped, html, plain_button
+from swingid.app.parts import code, html, plain_button
 from swingid.errors import SwingidError
 from swingid.methods.table import DEFAULT, METHODS
 
@@ -50,9 +50,8 @@ class Keep:
     def _written(self) -> None:
         """The lines of the method that is chosen."""
         case, method = case_of(self.draft), str(self.method.value)
-        lines = escaped(five_lines(case, method))
-        self.python.set_content(f'<pre class="swingid-code" aria-label="Python">{lines}</pre>')
-        self.terminal.set_content(f'<pre class="swingid-code">{escaped(command(case, method))}</pre>')
+        self.python.set_content(code(five_lines(case, method), "Python"))
+        self.terminal.set_content(code(command(case, method)))
 
     async def _report(self, ending: str) -> None:
         try:

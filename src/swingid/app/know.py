@@ -10,7 +10,7 @@ from nicegui import ui
 
 from swingid.app.draft import Draft
 from swingid.app.kinds import KINDS, Field, Question, drawing
-from swingid.app.parts import choice_button, escaped, html, more, plain_button
+from swingid.app.parts import choice_button, code, entry, html, plain_button
 from swingid.errors import SwingidError
 from swingid.model.rig import Rig
 
@@ -106,12 +106,11 @@ class Know:
     def _name(self) -> None:
         with ui.element("div").classes("swingid-question"):
             ui.label("Name of the rig").classes("swingid-strong")
-            ui.input(value=self.draft.name).props('dense outlined aria-label="name of the rig"').classes(
-                "w-full"
-            ).on_value_change(lambda event: self._set_name(str(event.value or "")))
+            made = entry(None, self.draft.name, self._set_name)
+            made.props('dense outlined aria-label="name of the rig"').classes("w-full")
 
     def _set_name(self, name: str) -> None:
-        self.draft.name = name.strip() or "my-rig"
+        self.draft.name = name or "my-rig"
         self._check()
 
     def _question(self, question: Question) -> None:
@@ -154,7 +153,7 @@ class Know:
         self.draft.added = (self.draft.added + [""] * len(self.draft.logs))[: len(self.draft.logs)]
 
         def put(k: int, text: str) -> None:
-            self.draft.added[k] = text.strip()
+            self.draft.added[k] = text
             self._check()
 
         with ui.element("div").classes("swingid-question"):
@@ -164,9 +163,8 @@ class Know:
                 ui.label(text).classes("swingid-quiet")
             with ui.column().classes("gap-2 w-full"):
                 for k, name in enumerate(self.draft.logs):
-                    made = ui.input(name, value=self.draft.added[k], placeholder="2.000 ± 0.002 g m²")
+                    made = entry(name, self.draft.added[k], partial(put, k), placeholder="2.000 ± 0.002 g m²")
                     made.props("outlined dense stack-label").classes("w-full")
-                    made.on_value_change(lambda event, k=k: put(k, str(event.value or "")))
 
     def _check(self) -> None:
         """What is wrong, beside its field; what was read; the rig.toml; the next step."""
@@ -192,11 +190,5 @@ class Know:
         above = "A field above is not right: "
         self.rest.set_text(missing or (f"{above}{sentence}" if seen else self.draft.where_to_say(key, sentence)))
         self.rest.classes(replace="swingid-quiet" if missing else "swingid-wrong")
-        self.code.set_content(f'<pre class="swingid-code" aria-label="rig.toml">{escaped(self.draft.text())}</pre>')
+        self.code.set_content(code(self.draft.text(), "rig.toml"))
         self.changed()
-
-
-def rig_summary(draft: Draft) -> None:
-    """The rig.toml on demand."""
-    with more("rig.toml"):
-        html(f'<pre class="swingid-code">{escaped(draft.text())}</pre>', "w-full")

@@ -18,36 +18,23 @@ from swingid.app.draft import Draft
 from swingid.app.keep import Keep
 from swingid.app.kinds import kind_of, kind_of_rig
 from swingid.app.live_plots import CheckPlots, RehearsalPlots, RunPlots
+from swingid.app.live_steps import STEPS
+from swingid.app.live_steps import Step as LiveStep
 from swingid.app.order import DURATION, MOTION, UNTIL, WrongFieldError, order_of, share_of
 from swingid.app.part import Part
-from swingid.app.parts import Frame, Step, emphasise, main_button, plain_button, said
+from swingid.app.parts import Frame, Step, emphasise, main_button, mend_words, plain_button, said
 from swingid.app.rig_view import RigView
 from swingid.app.runner import Seen
 from swingid.app.stop_bar import StopBar
-from swingid.app.task import Kind, Task
+from swingid.app.task import Halt, Task
 from swingid.errors import SwingidError
 from swingid.format import number
 from swingid.model.rig import Rig
 
-STEPS = (
-    ("connect", "Connect", ""),
-    ("check", "Check", "waits for the connection"),
-    ("rehearse", "Rehearse", "waits for the check"),
-    ("run", "Run", "waits for the rehearsal of this motion"),
-    ("result", "Result", "waits for a run"),
-    ("report", "Keep", "waits for a run"),
-)
-
 DRAWS = 30.0
 """Draws per second of a run."""
 
-DOING = {
-    "connect": "Asking the device who it is.",
-    "check": "Listening to the hanging body, then turning its wheel by small pulses.",
-    "rehearse": "The twin runs the motion, held against the limits.",
-    "run": "Running. STOP, or Escape, ends it softly; a second time gives 0 V at once.",
-}
-"""What goes on in each step, in a sentence."""
+BEGIN = "Connect the rig, check it, rehearse the motion, run it."
 
 QUIET = 3.0
 """Seconds without news of a run after which the page says so; samples come every 5 ms, a journal ends within 1 s."""
@@ -60,67 +47,69 @@ class LivePage:
         self.desk, self.runner = desk, desk.runner
         self.client = ui.context.client
         self.plant = Rig.load(desk.rig)
-        self.logs: dict[Kind, ui.column] = {}
+        self.logs: dict[str, ui.column] = {}
         self.said: dict[str, str] = {}
-        self.buttons: dict[Kind, ui.button] = {}
-        self.next: dict[Kind, ui.button] = {}
+        self.buttons: dict[str, ui.button] = {}
+        self.next: dict[str, ui.button] = {}
         self.inputs: dict[str, ui.input | ui.number] = {}
+        self.plots: dict[str, Any] = {}
         self.cursor = self.drawn = self.lines = 0
         self.task = self.runner.seen
         self.finished: Seen | None = None
         self.shown = ""
         self.is_answered = False
-        self.open: str = ""
+        self.open = ""
 
     def build(self) -> None:
         """Lay the page out."""
-        self.frame = Frame(self.plant.name, "Connect the rig, check it, rehearse the motion, run it.")
+        self.frame = Frame(self.plant.name, BEGIN)
         with self.frame.place, ui.element("div").classes("swingid-live") as self.beside:
             with ui.column().classes("swingid-beside gap-2"):
                 self.view = RigView(kind_of(kind_of_rig(self.plant)))
                 text = "Another page controls this rig; here you watch. STOP works everywhere."
                 self.watching = ui.label(text).classes("swingid-text")
             with ui.column().classes("w-full gap-0"):
-                self.steps = {name: Step(k, word, waits, self._go) for k, (name, word, waits) in enumerate(STEPS, 1)}
+                self.steps = {step.name: Step(k, step.title, step.waits, self._go) for k, step in enumerate(STEPS, 1)}
                 self._fill()
         with ui.footer().classes("p-0"):
             self.bar = StopBar(self._stop)
-        self.open = self.runner.seen.kind if self.runner.busy and self.runner.seen.kind else "connect"
+        self.open = self.name if self.runner.busy else STEPS[0].name
         self._enable(mine=False)  # a page controls once its browser is there
         self.watching.set_visibility(False)
         ui.timer(1 / DRAWS, self._draw)
 
     def _fill(self) -> None:
-        """What is in each step."""
-        with self.steps["connect"].body:
-            device = self.desk.address or "none given, so the twin of the rig file takes its place"
-            ui.label(f"Device: {device}. Rig file: {self.desk.rig}.").classes("swingid-text")
-            ui.label("Who the device is, and whether it is the rig of the rig file.").classes("swingid-quiet")
-            self._action("connect", "Connect", "check")
-        with self.steps["check"].body:
-            ui.label("The body must hang still. Small pulses turn the wheel, to find signs and delay.").classes(
-                "swingid-text"
-            )
-            self.clear = ui.checkbox("I have looked at the rig: clear a fault of an earlier run")
-            self._action("check", "Check", "rehearse")
-            self.pulses = CheckPlots(self.logs["check"])
-        with self.steps["rehearse"].body:
-            self._order_panel()
-            self._action("rehearse", "Rehearse on the twin", "run")
-            self.rehearsal = RehearsalPlots(self.logs["rehearse"], self.plant)
-        with self.steps["run"].body:
-            self._action("run", "Run", "result")
-            self.drawn_run = RunPlots(self.plant)
-        for name in ("result", "report"):
-            with self.steps[name].body:
-                said(ui.column().classes("w-full"), "no run yet")
+        """What is in each step: words, what it asks for, its buttons, what it draws."""
+        asked = {"check": self._clear_box, "rehearse": self._order_panel}
+        drawn: dict[str, Callable[[], Any]] = {
+            "check": lambda: CheckPlots(self.logs["check"]),
+            "rehearse": lambda: RehearsalPlots(self.logs["rehearse"], self.plant),
+            "run": lambda: RunPlots(self.plant),
+        }
+        device = self.desk.address or "none given, so the twin of the rig file takes its place"
+        for step in STEPS:
+            with self.steps[step.name].body:
+                if step.do is None:
+                    said(ui.column().classes("w-full"), "no run yet")
+                    continue
+                for text, kind in ((step.text, "swingid-text"), (step.note, "swingid-quiet")):
+                    if text:
+                        ui.label(text.format(device=device, rig=self.desk.rig)).classes(kind)
+                if step.name in asked:
+                    asked[step.name]()
+                self._action(step)
+                if step.name in drawn:
+                    self.plots[step.name] = drawn[step.name]()
 
     def _go(self, step: Step) -> None:
         """Open a step, or fold it."""
-        name = STEPS[step.number - 1][0]
+        name = STEPS[step.number - 1].name
         if step.state == "later":
             return
         self.open = "" if self.open == name else name
+
+    def _clear_box(self) -> None:
+        self.clear = ui.checkbox("I have looked at the rig: clear a fault of an earlier run")
 
     def _order_panel(self) -> None:
         fields = self.desk.fields
@@ -132,13 +121,14 @@ class LivePage:
             each.props("outlined dense stack-label bottom-slots")  # room for what is wrong with a field
         ui.label("0 %: run for the whole duration.").classes("text-sm")
 
-    def _action(self, kind: Kind, word: str, then: str) -> None:
+    def _action(self, step: LiveStep) -> None:
+        name, then = step.name, STEPS[STEPS.index(step) + 1]
         with ui.row().classes("swingid-step-end"):
-            self.buttons[kind] = main_button(word, lambda: None).on(
-                "click", lambda event: self._press(kind, event.args), js_handler="() => emit(window.swingidBeat)"
+            self.buttons[name] = main_button(step.button, lambda: None).on(
+                "click", lambda event: self._press(name, event.args), js_handler="() => emit(window.swingidBeat)"
             )
-            self.next[kind] = plain_button(f"Next: {self.steps[then].word}", lambda: self._go_to(then))
-        self.logs[kind] = ui.column().classes("w-full gap-1 swingid-log").props('aria-live="polite" role="log"')
+            self.next[name] = plain_button(f"Next: {then.title}", lambda: self._go_to(then.name))
+        self.logs[name] = ui.column().classes("w-full gap-1 swingid-log").props('aria-live="polite" role="log"')
 
     def _go_to(self, name: str) -> None:
         self.open = name
@@ -153,7 +143,7 @@ class LivePage:
         """Which page this is; the same after a reload."""
         return self.client.tab_id or self.client.id
 
-    def _press(self, kind: Kind, beat: object) -> None:
+    def _press(self, kind: str, beat: object) -> None:
         """A button of a step: begin it, unless what was pressed does not hold any more."""
         if not self.bar.is_fresh(beat):
             ui.notify("pressed while the connection was lost, so it did nothing; press again", type="warning")
@@ -176,14 +166,8 @@ class LivePage:
                 desk.rehearsed = fields
             elif fields != desk.rehearsed:
                 return
-        self._begin(kind, values)
-
-    def _begin(self, kind: Kind, values: dict[str, Any]) -> None:
-        desk = self.desk
-        desk.fields = self.fields
-        out = ""
-        if kind == "run":
-            out = desk.new_journal()
+        desk.fields = fields
+        out = desk.new_journal() if kind == "run" else ""
         self.runner.start(Task(kind, desk.address, desk.rig, **values, out=out, clear=bool(self.clear.value)))
 
     def _stop(self) -> None:
@@ -191,6 +175,11 @@ class LivePage:
         self.runner.stop()
         if not self.runner.busy:
             self.desk.analyst.stop()
+
+    @property
+    def name(self) -> str:
+        """The name of the step whose task is shown, "" before the first."""
+        return "" if self.task.step is None else self.task.step.name
 
     def _draw(self) -> None:
         """What came since the last draw."""
@@ -200,48 +189,39 @@ class LivePage:
         if seen is not self.task:
             self.task, self.cursor, self.drawn, self.lines = seen, 0, 0, 0
             self.view.play(None)
-            if seen.kind is not None:
-                self.logs[seen.kind].clear()
-            if (plots := self._plots()) is not None:
-                plots.begin()
-        if seen.kind is not None and len(seen.lines) > self.lines:
-            with self.logs[seen.kind]:
+            if self.name:
+                self.logs[self.name].clear()
+            if self.name in self.plots:
+                self.plots[self.name].begin()
+        if self.name and len(seen.lines) > self.lines:
+            with self.logs[self.name]:
                 for line in seen.lines[self.lines :]:
                     ui.label(line)
             self.lines = len(seen.lines)
-            self.said[seen.kind] = seen.lines[-1]
+            self.said[self.name] = seen.lines[-1]
         if new := min(seen.count - self.cursor, len(seen.rows)):
             self._add_rows(np.array([seen.rows[k] for k in range(-new, 0)], float))
             self.cursor = seen.count
-        self._add_estimates()
+        if len(seen.estimates) > self.drawn:
+            self.drawn = len(seen.estimates)
+            self.plots["run"].estimated(seen.estimates)
         if seen.ended and self.finished is not seen:
             self.finished = seen
             self._finish(seen)
         self._enable(mine=self.desk.controls(self.me))
 
-    def _plots(self) -> CheckPlots | RehearsalPlots | RunPlots | None:
-        """The plots of the step that goes on."""
-        plots: dict[str | None, Any] = {"check": self.pulses, "rehearse": self.rehearsal, "run": self.drawn_run}
-        return plots.get(self.task.kind)
-
     def _add_rows(self, rows: np.ndarray) -> None:
-        if (plots := self._plots()) is not None:
-            plots.add(rows)
-        if self.task.kind != "rehearse":
+        if self.name in self.plots:
+            self.plots[self.name].add(rows)
+        if self.name != "rehearse":
             angle, wheel = float(rows[-1, 1]), float(rows[-1, 5])
             self.view.turn(angle, wheel if math.isfinite(wheel) else None)
 
-    def _add_estimates(self) -> None:
-        new = self.task.estimates[self.drawn :]
-        self.drawn += len(new)
-        if new:
-            self.drawn_run.estimated(self.task.estimates)
-
     def _finish(self, seen: Seen) -> None:
         """A step has ended: what its plots show, and the motion of the twin."""
-        if (plots := self._plots()) is not None:
-            plots.finish()
-        if seen.kind == "rehearse" and seen.rows:
+        if self.name in self.plots:
+            self.plots[self.name].finish()
+        if self.name == "rehearse" and seen.rows:
             t, angle, *_, wheel = np.array(seen.rows, float).T
             self.view.play(track_of(t, angle, wheel))
 
@@ -257,13 +237,13 @@ class LivePage:
             self.next[kind].set_visibility(passed)
             emphasise(self.buttons[kind], main=not passed)
             emphasise(self.next[kind], main=passed)
-            self._show(kind, is_open or kind == self.task.kind, kind in runner.passed)
+            self._show(kind, is_open or kind == self.name, kind in runner.passed)
         journal = self.task.found.get("journal", "") if self.task.ended else ""
         for name in ("result", "report"):
             self._show(name, bool(journal or self.shown), name == "result" and self.is_answered)
         if (wide := self.open in ("result", "report")) != ("wide" in self.beside.classes):
             self.beside.classes(add="wide" if wide else "", remove="" if wide else "wide")
-        self.bar.show(self._state_words(), moves=self._may_move(), share=self._share())
+        self.bar.show(self._state_words(), moves=self.runner.moves, share=self._share())
         self.frame.say(self._sentence())
         if journal and journal != self.shown:
             self.shown = journal
@@ -277,10 +257,6 @@ class LivePage:
         lines = self.said.get(name, "") if state == "done" else None if state == "later" else ""
         self.steps[name].show(state, lines, is_open=self.open == name and is_ready)
 
-    def _may_move(self) -> bool:
-        """Return whether the motor can have a voltage, as far as is known here."""
-        return (self.runner.busy and self.task.kind in ("check", "run")) or self.runner.elsewhere is not None
-
     def _share(self) -> float:
         """Share of the time of what goes on that is over, 0 where that is not known."""
         passed, remaining = (self.task.progress.get(name, 0.0) for name in ("time", "left"))
@@ -289,20 +265,17 @@ class LivePage:
     def _sentence(self) -> str:
         """What is going on, and what is next."""
         passed, task = self.runner.passed, self.task
-        if self.runner.busy:
-            return DOING.get(str(task.kind), "")
+        if self.runner.busy and task.step is not None:
+            return task.step.doing
         if task.ended and task.ended != "ok" and task.lines:
             line = task.lines[-1].rstrip(".")
             return f"{line[:1].upper()}{line[1:]}."
         if self.shown:
             return f"{Path(self.shown).name} is recorded." + ("" if self.is_answered else " Next: its result.")
-        if "rehearse" in passed and self.desk.rehearsed == self.fields:
-            return "The motion is rehearsed: it stays within the limits. Next: run it."
-        if "check" in passed:
-            return "It hangs still, and its signs are right. Next: rehearse the motion on the twin."
-        if "connect" in passed:
-            return "Connected. Next: check that it hangs still."
-        return "Connect the rig, check it, rehearse the motion, run it."
+        if self.desk.rehearsed != self.fields:
+            passed = passed - {"rehearse"}
+        done = [step.passed for step in STEPS if step.name in passed and step.passed]
+        return done[-1] if done else BEGIN
 
     def _state_words(self) -> str:
         task, progress = self.task, self.task.progress
@@ -311,17 +284,16 @@ class LivePage:
             return (
                 "stopping …" if self.runner.asked else f"{elsewhere.entry.words()} goes on: STOP, or the emergency stop"
             )
-        if not self.runner.busy:
+        if not self.runner.busy or task.step is None:
             if not task.found.get("seen", True):
                 return "0 V was not seen: look at the rig"
-            moved = task.kind in ("check", "run") and (task.found or task.ended in ("ok", "stopped"))
+            moved = task.moves and (task.found or task.ended in ("ok", "stopped"))
             return "at rest, 0 V" if moved else "nothing is running"
         if task.stops:
             return "stopping …"
-        if task.kind != "run" or not progress:
-            words = {"connect": "connecting …", "check": "checking …", "rehearse": "rehearsing …"}
+        if task.step.halt is not Halt.FADES or not progress:
             remaining = f" {progress['left']:.0f} s at most are left" if progress.get("left") else ""
-            return words.get(str(task.kind), "getting ready …") + remaining
+            return task.step.state + remaining
         silent = time.monotonic() - task.when
         if silent > QUIET:
             return f"no news of the run for {silent:.0f} s: STOP, or the emergency stop"
@@ -342,8 +314,7 @@ class LivePage:
             async def mend(values: Mapping[str, object]) -> None:
                 """Take keys over for this answer; rig.toml of the step Keep has them."""
                 draft.mends |= values
-                written = ", ".join(f"{key} = {value}" for key, value in values.items())
-                ui.notify(f"used for this answer: {written}; the rig file stays as it is")
+                ui.notify(f"used for this answer: {mend_words(values)}; the rig file stays as it is")
                 await answer.run()
                 await part.inspect()
 

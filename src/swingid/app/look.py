@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -13,7 +14,7 @@ from nicegui import events, ui
 
 from swingid.app.analysis import Analyst, example, looked
 from swingid.app.draft import ROLES, SIGNED, UNITS, Draft
-from swingid.app.parts import more, plain_button, said
+from swingid.app.parts import entry, more, plain_button, said
 from swingid.app.plot import Line, Plot
 from swingid.errors import InputError, SwingidError
 
@@ -137,31 +138,19 @@ class Look:
                     for name in others:
                         self._channel(name, "")
             if not draft.moves:
-                text = (
-                    "Which column is the angle of the body, or its rate? Of a video: which are x and y of a mark on it?"
-                )
-                ui.label(text).classes("swingid-wrong")
+                text = "Which column is the angle of the body, or its rate?"
+                ui.label(f"{text} Of a video: which are x and y of a mark on it?").classes("swingid-wrong")
 
     def _ask_rate(self) -> None:
         text = "No column is a clock. How many rows come each second?"
         ui.label(text).classes("swingid-strong")
-        ui.input("rows per second", value=self.draft.rate).classes("w-48").on_value_change(
-            lambda event: self._set_rate(str(event.value or ""))
-        )
+        entry("rows per second", self.draft.rate, self._set_rate).classes("w-48")
 
     def _ask_tick(self) -> None:
         """The time of a tick, which no log determines."""
-        tick = ui.input("time of a tick", value=self.draft.units.get("time", ""), placeholder="0.5 us")
+        units = self.draft.units
+        tick = entry("time of a tick", units.get("time", ""), partial(self._put, units, "time"), placeholder="0.5 us")
         tick.props("dense outlined stack-label").classes("w-32")
-        tick.on_value_change(lambda event: self._set_tick(str(event.value or "")))
-
-    def _set_tick(self, text: str) -> None:
-        self.draft.units["time"] = text.strip()
-        self.changed()
-
-    def _set_rate(self, text: str) -> None:
-        self.draft.rate = text
-        self.changed()
 
     def _channel(self, name: str, role: str) -> None:
         """One column: its plot, and what it is."""
@@ -200,9 +189,8 @@ class Look:
         words = {"down": "0 is hanging", "up": "0 is upright", "other": "hanging reads …"}
         self._select("zero of the angle", words, zero, self._set_zero, "w-44")
         if zero == "other":
-            ui.input("the log reads where it hangs", value=self.draft.zero.strip()).classes("w-48").on_value_change(
-                lambda event: self._set_reading(str(event.value or ""))
-            )
+            reads = self.draft.zero.strip()
+            entry("the log reads where it hangs", reads, self._set_reading).classes("w-48")
 
     def _select(self, words: str, options: Any, value: Any, chosen: Callable[[Any], None], wide: str) -> None:
         made = ui.select(options, value=value, on_change=lambda event: chosen(event.value))
@@ -214,22 +202,27 @@ class Look:
         self.changed()
 
     def _set_unit(self, role: str, unit: str) -> None:
-        self.draft.units[role] = unit
         self.draft.why[role] = "your choice"
+        self._put(self.draft.units, role, unit)
         self._fill()
-        self.changed()
 
     def _set_sign(self, role: str, sign: int) -> None:
-        self.draft.signs[role] = sign
+        self._put(self.draft.signs, role, sign)
+
+    def _put(self, table: dict[str, Any], role: str, value: object) -> None:
+        table[role] = value
+        self.changed()
+
+    def _set_rate(self, text: str) -> None:
+        self.draft.rate = text
         self.changed()
 
     def _set_zero(self, zero: str) -> None:
-        self.draft.zero = zero if zero != "other" else " "
+        self._set_reading(zero if zero != "other" else "")
         self._fill()
-        self.changed()
 
     def _set_reading(self, text: str) -> None:
-        self.draft.zero = text.strip() or " "
+        self.draft.zero = text or " "
         self.changed()
 
 

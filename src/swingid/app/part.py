@@ -12,7 +12,7 @@ from nicegui import ui
 from swingid.app.analysis import DIGITS, Analyst, inspected, named, sketched
 from swingid.app.draft import Draft, case_of, mend_of
 from swingid.app.kinds import kind_of
-from swingid.app.parts import choice_button, findings, main_button, more, on_page, plain_button, said
+from swingid.app.parts import choice_button, findings, mend_button, more, on_page, plain_button, said
 from swingid.app.plot import Line, Plot
 from swingid.app.rig_view import RigView
 from swingid.errors import SwingidError
@@ -145,12 +145,7 @@ class Part:
             tried = inspection["changes_tried"]
             wrong = [check for check in inspection["checks"] if check["level"] == "repair"]
             proposed = [mend_of(check["code"], check["remedy"], self.draft) for check in wrong]
-            for mend in [
-                tried,
-                *(other for other in proposed if not other.keys() & tried.keys()),
-            ]:
-                if mend:
-                    words = ", ".join(f"{key} = {value}" for key, value in mend.items())
-                    main_button(f"Set {words}", partial(self.mended, mend)).classes("self-start")
+            for mend in [tried, *(other for other in proposed if not other.keys() & tried.keys())]:
+                mend_button(mend, self.mended)
             with more(f"All {len(inspection['checks'])} checks of the log"):
                 findings(inspection["checks"])

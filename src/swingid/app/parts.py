@@ -105,6 +105,22 @@ def choice_button(word: str, chosen: bool, action: Callable[[], Any]) -> ui.elem
     return made.on("click", lambda: action())
 
 
+def mend_words(mend: Mapping[str, object]) -> str:
+    """Keys and values that are written into rig.toml."""
+    return ", ".join(f"{key} = {value}" for key, value in mend.items())
+
+
+def mend_button(mend: Mapping[str, object], mended: Callable[[Mapping[str, object]], Any]) -> None:
+    """What offers to write keys and values into rig.toml; nothing where there are none."""
+    if mend:
+        main_button(f"Set {mend_words(mend)}", lambda: mended(mend)).classes("self-start")
+
+
+def entry(words: str | None, value: str, put: Callable[[str], Any], **options: Any) -> ui.input:
+    """A field of text. put: called with what is typed."""
+    return ui.input(words, value=value, on_change=lambda event: put(str(event.value or "").strip()), **options)
+
+
 def said(place: ui.element, text: str) -> None:
     """A line in the place of what was there."""
     place.clear()
@@ -120,6 +136,12 @@ def html(text: str, kind: str = "") -> ui.html:
 def on_page(text: str) -> str:
     """A sentence with what the page has in the place of options of a command."""
     return text.replace("--part FROM:TO", "drag over it in Part").replace("--report FILE", "Report, in Keep")
+
+
+def code(text: str, name: str = "") -> str:
+    """HTML of lines that are to be copied; name: for screen readers."""
+    label = f' aria-label="{name}"' if name else ""
+    return f'<pre class="swingid-code"{label}>{escaped(text)}</pre>'
 
 
 def escaped(text: object) -> str:

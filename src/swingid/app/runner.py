@@ -1,27 +1,26 @@
 """The steps on one rig, one at a time, each in a process of its own (`app/task.py`), and how each is stopped.
 
-A motor can move in a check and in a run: those are stopped by a Stop to the device. In the other steps none can, so
-their processes are ended.
+Where a motor can move a step is stopped by a Stop to the device. In the other steps none can, so their processes are
+ended.
 """
 
 from __future__ import annotations
 
-import json
 import os
-import queue
-import secrets
-import socket
+import pickle
 import subprocess
-import sys
-import threading
 import time
 from collections import deque
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swingid.app.task import PATIENCE, Kind, Task
+from swingid.app.live_steps import ON_RIG, Step
+from swingid.app.task import ASKED, PATIENCE, Halt, Task
+from swingid.errors import InputError
+from swingid.live.codes import StopMode
+from swingid.live.ring import Kind, Reader, Record, Ring, Role, started
 
 if TYPE_CHECKING:
     from swingid.live.registry import Found
@@ -44,7 +43,7 @@ class Seen:
     clock (s).
     """
 
-    kind: Kind | None = None
+    step: Step | None = None
     out: str = ""
     lines: list[str] = field(default_factory=list)
     rows: deque[list[float]] = field(default_factory=lambda: deque(maxlen=KEPT))
@@ -55,6 +54,11 @@ class Seen:
     stops: int = 0
     when: float = 0.0
     found: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def moves(self) -> bool:
+        """Return whether a motor can move in the step."""
+        return self.step is not None and self.step.moves
 
 
 class Runner:
@@ -70,16 +74,11 @@ class Runner:
         self.elsewhere: Found | None = None
         self.asked = 0
         self._looked = 0.0
-        self.passed: set[Kind] = set()
+        self.passed: set[str] = set()
         self.journals: list[str] = []
-        self._key = secrets.token_hex(8)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-        self._socket.bind(("127.0.0.1", 0))
-        self._socket.setblocking(False)
         self._process: subprocess.Popen[bytes] | None = None
-        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        self._reading: threading.Thread | None = None
+        self._ring: Ring | None = None
+        self._reader: Reader | None = None
         self._until = float("inf")
 
     @property
@@ -87,31 +86,32 @@ class Runner:
         """Return whether a task goes on."""
         return self._process is not None
 
+    @property
+    def moves(self) -> bool:
+        """Return whether the motor can have a voltage, as far as is known here."""
+        return (self.busy and self.seen.moves) or self.elsewhere is not None
+
     def start(self, task: Task) -> None:
         """Begin a task; without effect while another goes on."""
         if self.busy:
             return
-        self.seen = Seen(task.kind, task.out)
+        self.seen = Seen(ON_RIG[task.kind], task.out)
         self.passed.discard(task.kind)
-        job = {"task": asdict(task), "address": self._socket.getsockname(), "key": self._key}
-        # a group of its own: what Ctrl-C in the terminal is to end is for this process to say
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "swingid.app.task"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            bufsize=0,
-            start_new_session=os.name != "nt",
-            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-        )
-        self._send(json.dumps(job))
-        self._lines, self._until = queue.SimpleQueue(), float("inf")
-        self._reading = threading.Thread(target=_read, args=(self._process, self._lines), daemon=True)
-        self._reading.start()
+        try:
+            ring = self._ring = Ring()
+        except InputError as error:
+            self.seen.lines.append(error.message)
+            self.seen.ended = "failed"
+            return
+        ring.hold(Role.VIEW)
+        ring.write(Kind.JOB, 0.0, pickle.dumps(task))
+        self._reader, self._until = Reader(ring), float("inf")
+        self._process = started(ring, "swingid.app.live_steps")
 
     def stop(self, *, hard: bool = False) -> None:
         """A run fades out, or gives 0 V at once (hard, and a second time); a check gives 0 V; the others end."""
-        seen = self.seen
-        if self._process is None:
+        seen, ring = self.seen, self._ring
+        if ring is None or seen.step is None:
             self._look_elsewhere()
             if self.elsewhere is not None:
                 self.asked += 1
@@ -119,38 +119,30 @@ class Runner:
                     self.elsewhere.ask(hard=hard or self.asked > 1)
             return
         seen.stops += 1
-        if seen.kind == "run":
-            self._send("hard" if hard or seen.stops > 1 else "soft")
-        elif seen.kind == "check":
-            self._send("hard")
+        if seen.step.halt is Halt.FADES:
+            ring.ask(StopMode.HARD if hard or seen.stops > 1 else StopMode.SOFT, ASKED)
+        elif seen.step.halt is Halt.AT_ONCE:
+            ring.ask(StopMode.HARD, ASKED)
             self._until = min(self._until, time.monotonic() + 1.5 * PATIENCE)
         else:
             self._end("stopped")
 
     def poll(self) -> None:
-        """Take in datagrams, lines, and the end of the task."""
-        with suppress(BlockingIOError, ConnectionError):
-            while True:
-                self._take(self._socket.recv(65536))
-        process, reading = self._process, self._reading
-        if process is None or reading is None:
+        """Take in what the task says and draws, and its end."""
+        process, reader = self._process, self._reader
+        if process is None or reader is None:
             if time.monotonic() - self._looked > LOOK:
                 self._look_elsewhere()
             return
         if time.monotonic() > self._until:
             self._end("stopped: its process did not answer, and without it the firmware gives 0 V")
-        over = not reading.is_alive()  # asked before the last lines are taken
-        with suppress(queue.Empty):
-            while True:
-                self._hear(self._lines.get_nowait())
-        if not over or process.poll() is None:
-            return
-        for pipe in (process.stdin, process.stdout):
-            with suppress(OSError):
-                if pipe is not None:
-                    pipe.close()
-        self._process = self._reading = None
-        self._finish()
+        over = process.poll() is not None  # asked before the last records are taken
+        for record in reader.read():
+            self._take(record)
+        if over:
+            self._process = None
+            self._leave_ring()
+            self._finish()
 
     def _look_elsewhere(self) -> None:
         from swingid.live import registry
@@ -172,14 +164,21 @@ class Runner:
 
     def close(self) -> None:
         """Leave a run to itself: it goes on to its end, and its journal is whole. A step without a motor ends."""
-        if self._process is not None and self.seen.kind in ("connect", "rehearse"):
+        if self._process is not None and not self.seen.moves:
             self._process.kill()
-        self._socket.close()
+        self._leave_ring()
+
+    def _leave_ring(self) -> None:
+        """Give the ring up, by whose lock a task knows that this process lives."""
+        if self._ring is not None:
+            self._ring.close()
+            self._ring = self._reader = None
 
     def words_at_end(self) -> str:
         """What is kept of all runs, and whether one goes on; for a person who has ended the page."""
         kept = [path for path in self.journals if Path(path).exists()]
-        going = (self.busy and self.seen.kind == "run") or self.elsewhere is not None
+        step = self.seen.step if self.busy else None
+        going = (step is not None and step.halt is Halt.FADES) or self.elsewhere is not None
         said = ["the page has ended"]
         if going:
             kept = [path for path in kept if path != self.seen.out]
@@ -187,7 +186,7 @@ class Runner:
             said.append(
                 f"the run {what} {self.seen.out} in a process of its own; swingid stop --hard gives 0 V at once"
             )
-        elif self.busy and self.seen.kind == "check":
+        elif step is not None and step.halt is Halt.AT_ONCE:
             said.append("the check gives 0 V")
         if len(kept) > 3:
             said.append(f"kept: {len(kept)} journals, from {kept[0]} to {kept[-1]}")
@@ -200,18 +199,13 @@ class Runner:
     def _finish(self) -> None:
         seen = self.seen
         seen.ended = seen.ended or "died"
-        if seen.ended == "ok" and seen.kind is not None:
-            self.passed.add(seen.kind)
+        if seen.ended == "ok" and seen.step is not None:
+            self.passed.add(seen.step.name)
         if seen.ended == "stopped" and not seen.lines:
             seen.lines.append("stopped")
         self._look_elsewhere()
         if seen.ended == "died":
             seen.lines.append(DIED[self.elsewhere is not None])
-
-    def _send(self, word: str) -> None:
-        if self._process is not None and self._process.stdin is not None:
-            with suppress(OSError):
-                self._process.stdin.write(word.encode() + b"\n")
 
     def _end(self, why: str) -> None:
         """End the process of a step in which no motor can move, or that does not answer."""
@@ -220,38 +214,23 @@ class Runner:
             self.seen.lines.append(why)
             self._process.kill()
 
-    def _hear(self, line: bytes) -> None:
-        try:
-            name, value = json.loads(line)
-        except ValueError:  # cut by the end of its process
-            return
-        if name == "line":
-            self.seen.lines.append(str(value))
-        elif name == "found":
-            self.seen.found = value
-            self._note_journal()
-        else:
-            self.seen.ended = self.seen.ended or name
-
-    def _take(self, data: bytes) -> None:
-        try:
-            message = json.loads(data)
-            if message.pop("key") != self._key:
-                return
-        except (ValueError, KeyError, AttributeError):
-            return
+    def _take(self, record: Record) -> None:
         seen = self.seen
-        seen.progress, seen.when = message["progress"], time.monotonic()
-        seen.rows.extend(message["rows"])
-        seen.count += len(message["rows"])
-        if message["estimate"] is not None:
-            seen.estimates.append(message["estimate"])
-        if seen.count:
-            self._note_journal()
-
-    def _note_journal(self) -> None:
-        if self.seen.out and self.seen.out not in self.journals:
-            self.journals.append(self.seen.out)
+        if record.kind is Kind.SAY:
+            seen.lines.append(record.data.decode())
+        elif record.kind is Kind.SHOWN:
+            rows, seen.progress, estimate = pickle.loads(record.data)
+            seen.when = time.monotonic()
+            seen.rows.extend(rows)
+            seen.count += len(rows)
+            if estimate is not None:
+                seen.estimates.append(estimate)
+        elif record.kind is Kind.DONE:
+            how, lines, seen.found = pickle.loads(record.data)
+            seen.lines += lines[len(seen.lines) :]
+            seen.ended = seen.ended or how
+        if (seen.count or seen.found) and seen.out and seen.out not in self.journals:
+            self.journals.append(seen.out)
 
 
 DIED = (
@@ -259,14 +238,3 @@ DIED = (
     "the process that shows the run has died, and the run goes on: end it by STOP, swingid stop or the emergency stop",
 )
 """What a step says whose process was ended from outside, and a run that goes on without it."""
-
-
-def _read(process: subprocess.Popen[bytes], lines: queue.SimpleQueue[bytes]) -> None:
-    """Lines of a process until it ends; read in a thread, as a pipe of Windows cannot be asked without waiting."""
-    assert process.stdout is not None
-    rest = b""
-    with suppress(OSError, ValueError):
-        while data := os.read(process.stdout.fileno(), 65536):
-            *whole, rest = (rest + data).split(b"\n")
-            for line in whole:
-                lines.put(line)

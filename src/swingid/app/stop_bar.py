@@ -14,22 +14,6 @@ BEAT = 0.5
 FRESH = 4
 """Beats within which a press counts: what waited longer in a lost connection would act unexpected."""
 
-STYLE = """
-.swingid-bar { display: flex; gap: 16px; align-items: center; justify-content: space-between; width: 100%;
-  padding: 8px 16px; background: #50575e; color: #ffffff; position: relative; }
-.swingid-bar-share { position: absolute; left: 0; top: 0; height: 4px; background: #ffffff; }
-.swingid-bar-words { font-size: 15px; line-height: 1.5; font-variant-numeric: tabular-nums; min-width: 0; }
-.swingid-bar-moves { background: #b3261e; }
-.swingid-bar-lost { background: #e69f00; color: #1b1f23; }
-.swingid-bar-lost .swingid-bar-words { font-weight: 600; }
-.swingid-stop { flex-shrink: 0; min-width: 136px; min-height: 56px; padding: 0 16px; border: 0; border-radius: 8px;
-  font: inherit; font-size: 20px; font-weight: 600; background: #ffffff; color: #1b1f23; cursor: pointer; }
-.swingid-stop:disabled { background: #d0d3d6; color: #50575e; cursor: not-allowed; }
-.swingid-lost .q-page-container { opacity: 0.5; }
-#popup { display: none; }
-"""
-"""The popup is NiceGUI's own word for a lost connection, which would cover this one."""
-
 
 class StopBar(Element, component="stop_bar.js"):
     """State and STOP. on_stop: called for each press that has arrived."""
@@ -40,7 +24,7 @@ class StopBar(Element, component="stop_bar.js"):
         self._began = time.monotonic()
         self._props.update({"words": "", "moves": False, "share": 0.0, "beat": 0, "heard": 0})
         self.on("stop", self._pressed)
-        ui.add_css(STYLE)
+        ui.add_css("#popup { display: none; }")  # NiceGUI's own word for a lost connection, which would cover this
 
     def show(self, words: str, *, moves: bool, share: float = 0.0) -> None:
         """The state; moves: whether a motor can move; share: of the step's time that is over. With a sign of life."""

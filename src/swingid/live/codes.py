@@ -8,6 +8,11 @@ from __future__ import annotations
 from enum import IntEnum, IntFlag
 
 
+def apart(first: int, second: int) -> int:
+    """Difference of two numbers of 32 bits that wrap: counts, times, sequences. Of a number and 0: as it wraps."""
+    return (first - second + 2**31) % 2**32 - 2**31
+
+
 class State(IntEnum):
     """State of a device; only RUNNING and STOPPING apply a voltage, FAULT is left by Clear alone."""
 

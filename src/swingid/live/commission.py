@@ -88,10 +88,8 @@ class Commissioning:
     def lines(self) -> list[str]:
         """What was found, for people."""
         board = self.board
-        where = (
-            f"{board.rate:g} samples per second, {board.voltage_limit:g} V at most, firmware {named(board.firmware)}"
-        )
-        said = [where]
+        rate = f"{board.rate:g} samples per second, {board.voltage_limit:g} V at most"
+        said = [f"{rate}, firmware {named(board.firmware)}"]
         for name, channel in (("axis", self.axis), ("wheel", self.wheel)):
             noise = f"noise {channel.noise / channel.step:.2g} counts" if channel.noise else "no noise beside rounding"
             said.append(f"{name}: {channel.counts} counts per turn, hangs at {channel.zero:.1f}, {noise}")
@@ -139,10 +137,8 @@ def commission(
     warnings = []
     delay = _delay(pulses)
     if delay > 1.5 / board.rate:
-        text = (
-            f"the wheel answers {1e3 * delay:.1f} ms after the voltage, more than a sample: expect a larger tracking "
-        )
-        warnings.append(text + "error; state sensors.latency if it is that of an encoder")
+        text = f"the wheel answers {1e3 * delay:.1f} ms after the voltage, more than a sample: expect a larger "
+        warnings.append(text + "tracking error; state sensors.latency if it is that of an encoder")
     if ratio is not None and abs(ratio[0] - 1.0) > CLOSE + 2 * ratio[1]:
         warnings.append(_counts_words(ratio))
     return Commissioning(board, axis, wheel, pulses.amplitude, *signs, delay, trips, ratio, inertia, tuple(warnings))
@@ -198,10 +194,8 @@ def _signs(rig: Rig, pulses: Pulses, relation: Relation) -> tuple[int, int, int]
     """Signs of axis, wheel and voltage; InputError where the file states others."""
     same = 1 if relation.a > 0 else -1
     if abs(relation.a) < 5 * math.sqrt(relation.covariance[0, 0]):
-        text = (
-            "the body's motion after the pulse is not that of the wheel's reaction; is the body free to swing, and is "
-        )
-        raise DeviceError(text + "the wheel's encoder on the wheel?", code="no-motion")
+        text = "the body's motion after the pulse is not that of the wheel's reaction; is the body free to swing, and "
+        raise DeviceError(text + "is the wheel's encoder on the wheel?", code="no-motion")
     pushed = pulses.voltage > 0
     last = int(np.flatnonzero(pushed)[-1]) + 1
     response = 1 if pulses.wheel[last] - pulses.wheel[np.flatnonzero(pushed)[0]] > 0 else -1
@@ -211,10 +205,8 @@ def _signs(rig: Rig, pulses: Pulses, relation: Relation) -> tuple[int, int, int]
     measured = {"wheel_sign": wheel, "voltage_sign": wheel * response}
     for key, sign in measured.items():
         if key in device.model_fields_set and getattr(device, key) != sign:
-            text = (
-                f"{rig.source}: wrong sign: device.{key} is {-sign:+d} and the pulses show {sign:+d}; swap the wires "
-            )
-            what = "of the motor" if key == "voltage_sign" else "of an encoder's channels"
+            text = f"{rig.source}: wrong sign: device.{key} is {-sign:+d} and the pulses show {sign:+d}; swap the "
+            what = "wires of the motor" if key == "voltage_sign" else "wires of an encoder's channels"
             raise InputError(f"{text}{what}, or delete the key and commission again", code="wrong-sign")
     return axis, measured["wheel_sign"], measured["voltage_sign"]
 
@@ -245,12 +237,9 @@ def _constants(rig: Rig, relation: Relation) -> tuple[tuple[float, float] | None
 
 
 def _counts_words(ratio: tuple[float, float]) -> str:
-    text = (
-        f"the wheel turns {plus_minus(*ratio)} times as far as its counts say, if the body's angle, gravity_torque and "
-    )
-    return (
-        text + "drive.wheel.inertia are right; check counts per turn (edges of a quadrature encoder, a gear) and these"
-    )
+    text = f"the wheel turns {plus_minus(*ratio)} times as far as its counts say, if the body's angle, gravity_torque "
+    text += "and drive.wheel.inertia are right; "
+    return text + "check counts per turn (edges of a quadrature encoder, a gear) and these"
 
 
 def _delay(pulses: Pulses) -> float:

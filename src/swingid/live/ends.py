@@ -63,11 +63,6 @@ class Run:
     moved: bool = True
 
 
-def apart(first: int, second: int) -> int:
-    """Difference of two sequences, which wrap at 32 bits."""
-    return (first - second + 2**31) % 2**32 - 2**31
-
-
 def state_words(state: int) -> str:
     """A device's state for people."""
     return State(state).name.lower() if state in set(State) else f"in state {state}"

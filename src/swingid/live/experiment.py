@@ -191,7 +191,9 @@ class Conductor:
     def _run(self, session: Session, journal: Recorder, order: Order, limits: Limits) -> Done:
         name = session.link.name
         board = session.connect()
-        self._say(f"{name}: firmware {named(board.firmware)}, {board.rate:g} samples per second, {_counts(board)}")
+        wheel = f" and {board.wheel_counts}" if board.wheel_counts else ""
+        counts = f"{board.axis_counts}{wheel} counts per turn, {board.voltage_limit:g} V at most"
+        self._say(f"{name}: firmware {named(board.firmware)}, {board.rate:g} samples per second, {counts}")
         require_same_rig(self.rig, board, name)
         require_rows(order, board.rate)
         if order.clear:
@@ -213,14 +215,15 @@ class Conductor:
         words = order.motion.describe()
         journal.plan(Plan(parameters, reference, words), **self._facts(board, body, name))
         self._between()
-        follower = Follower(self.rig, parameters.tolist(), reference.tolist(), order.until, board.rate)
+        planned = parameters.tolist(), reference.tolist()
+        follower = Follower(self.rig, *planned, order.until, board.rate, self._show)
         inertia, gravity = expected(self.rig)
         energy = math.inf if twin is None else energy_limit(twin, self.rig)
         watch = HostGuard(parameters.tolist(), inertia=inertia, gravity_torque=gravity, energy=energy)
 
         def batch(frames: list[Frame]) -> None:
-            if self._follow:
-                self._look(follower, frames, session)
+            if self._follow and (reached := follower.look(frames, session.started)):
+                session.ask_stop(StopMode.SOFT, reached)
 
         self._require_wanted()
         done = session.run(reference, fade=order.fade, watch=watch, on_batch=batch)
@@ -240,26 +243,10 @@ class Conductor:
         }
         return facts | ({"emulated": 1} if board.firmware in EMULATED.values() else {})
 
-    def _look(self, follower: Follower, frames: list[Frame], session: Session) -> None:
-        """Show the progress, and stop where the wanted uncertainty is reached."""
-        progress = follower.feed(frames, session.started)
-        try:
-            self._show(progress)
-        except Exception as error:  # whatever a view does, the run goes on
-            self._show = lambda _: None
-            follower.notes.append(f"the view has failed ({type(error).__name__}); the run went on without it")
-        if progress.reached:
-            session.ask_stop(StopMode.SOFT, progress.reached)
-
 
 def _not_begun(why: str) -> DeviceError:
     """The error of a run that somebody stopped before anything moved."""
     return DeviceError(f"{why}, before the run began; nothing has moved", code="stopped")
-
-
-def _counts(board: Board) -> str:
-    wheel = f" and {board.wheel_counts}" if board.wheel_counts else ""
-    return f"{board.axis_counts}{wheel} counts per turn, {board.voltage_limit:g} V at most"
 
 
 def require_usable(done: Done, out: Path | str) -> None:

@@ -91,9 +91,6 @@ def _require(frames: list[Frame], turned: list[Turned]) -> None:
             text += "look after its wires"
             raise DeviceError(text, code="jumps")
         if encoder.range < TURNED:
-            text = (
-                f"the {encoder.name} has turned by {encoder.range:.2g} deg; turn it by {TURNED:g} at least: else its "
-            )
-            raise DeviceError(
-                text + "magnet does not turn with it, or both encoders' selects are wired alike", code="not-turned"
-            )
+            text = f"the {encoder.name} has turned by {encoder.range:.2g} deg; turn it by {TURNED:g} at least: "
+            text += "else its magnet does not turn with it, or both encoders' selects are wired alike"
+            raise DeviceError(text, code="not-turned")

@@ -14,7 +14,7 @@ import numpy as np
 
 from swingid.control import law
 from swingid.errors import UsageError
-from swingid.live.codes import FaultCode
+from swingid.live.codes import FaultCode, apart
 
 if TYPE_CHECKING:
     from swingid.control.compensator import Compensator
@@ -96,9 +96,7 @@ class Limits:
     rest: float = 0.0
 
     @classmethod
-    def of(
-        cls, rig: Rig, *, angle: float | None = None, speed: float | None = None, wheel_speed: float | None = None
-    ) -> Limits:
+    def of(cls, rig: Rig) -> Limits:
         """Limits, zero and signs that a rig file states under `[device]`, and its own voltage limit.
 
         A body stays below the horizontal unless it says otherwise; the paper's motion has 0.8 rad, 7 rad/s and
@@ -109,9 +107,9 @@ class Limits:
             message = f"rig {rig.name!r} has no drive.motor.voltage_limit, without which nothing is driven; state it"
             raise UsageError(message, code="no-voltage-limit")
         return cls(
-            angle=device.angle_limit if angle is None else angle,
-            speed=device.speed_limit if speed is None else speed,
-            wheel_speed=device.wheel_speed_limit if wheel_speed is None else wheel_speed,
+            angle=device.angle_limit,
+            speed=device.speed_limit,
+            wheel_speed=device.wheel_speed_limit,
             voltage=float(motor.voltage_limit),
             current=math.inf if device.current_limit is None else device.current_limit,
             axis_zero=device.axis_zero,
@@ -185,11 +183,6 @@ def counts(p: Array, board: Board) -> bool:
     return math.isinf(board.most_edges) or bool(p[WHEEL_SPEED_LIMIT] <= board.most_edges * abs(p[WHEEL_STEP]))
 
 
-def _change(now: int, before: int) -> int:
-    """Difference of two wrapping counts of 32 bits."""
-    return (now - before + 2**31) % 2**32 - 2**31
-
-
 class Guard:
     """The counts without their wraps, and what must not happen to them."""
 
@@ -220,7 +213,7 @@ class Guard:
         """
         if self.seen:
             self.late = (time - self.time) % 2**32 > self._late_time
-            self._changes = _change(readings.axis, self._raw[0]), _change(readings.wheel, self._raw[1])
+            self._changes = apart(readings.axis, self._raw[0]), apart(readings.wheel, self._raw[1])
             self.axis += self._changes[0]
             self.wheel += self._changes[1]
         else:

@@ -74,6 +74,15 @@ def require_new(path: str | Path) -> None:
         raise InputError(text, code="file-exists")
 
 
+def new_file(path: Path, mode: str = "wb", encoding: str | None = None, newline: str | None = None) -> IO[Any]:
+    """A file that is opened to be written; InputError where it can't be made."""
+    try:
+        return path.open(mode, encoding=encoding, newline=newline)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot write {path}: {reason}; give another --out", code="cannot-write") from None
+
+
 class Journal:
     """Writes one journal. Feed it every byte (`take`, a `link.Tap`); a full disk stops the journal, never the run.
 
@@ -88,11 +97,7 @@ class Journal:
         except ImportError:
             raise missing_extra("mcap") from None
         self.path, self.error = Path(path), ""
-        try:
-            self._file: IO[bytes] = self.path.open("wb")
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise InputError(f"cannot write {path}: {reason}; give another --out", code="cannot-write") from None
+        self._file: IO[bytes] = new_file(self.path)
         self._began, self._sync = began, sync
         self._writer: Any = Writer(self._file)
         self._decoder = Decoder()

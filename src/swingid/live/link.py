@@ -1,4 +1,4 @@
-"""A device's stream of bytes as frames: what goes out, what comes in, when something was last heard.
+"""A device's stream of bytes as frames: what goes out, what comes in.
 
 Time is that of the stream: one that is virtual sets it, by its ``clock()`` or by how long it was read; for any other it
 is the host's steady clock. Nothing here sleeps; time passes in ``read(timeout)``, or between the
@@ -43,10 +43,9 @@ class Link:
         self._passed = 0.0
         steady: Callable[[], float] = (lambda: self._passed) if stream.virtual else time.monotonic
         self.clock: Callable[[], float] = getattr(stream, "clock", steady)
-        self.heard = self.clock()
         self.bytes_in = self.frames = 0
         self.pace: Pace | None = None
-        self.each_turn: Callable[[], None] = _nothing
+        self.each_turn: Callable[[], None] = lambda: None
         self._decoder = Decoder()
 
     @property
@@ -58,11 +57,6 @@ class Link:
     def lossy(self) -> bool:
         """Return whether more of what came in is damaged than a run can do with (`MOST_LOST`)."""
         return self.bad > MOST_LOST * (self.bad + self.frames)
-
-    @property
-    def silence(self) -> float:
-        """Time since the last frame (s)."""
-        return self.clock() - self.heard
 
     def exchange(self, out: bytes = b"", timeout: float = TURN) -> list[Frame]:
         """Send bytes, then the frames that come within `timeout` (s).
@@ -91,8 +85,6 @@ class Link:
         self._show(True, data)
         frames = self._decoder.feed(data)
         self.frames += len(frames)
-        if frames:
-            self.heard = self.clock()
         return frames
 
     def _show(self, came: bool, data: bytes) -> None:
@@ -113,7 +105,3 @@ class Link:
         """The error of a link on which nothing comes."""
         text = f"{self.name}: {why}; its firmware gives 0 V without a host: look after cable and supply, connect again"
         return DeviceError(text, code="link-lost")
-
-
-def _nothing() -> None:
-    """What a link does at each turn by default."""

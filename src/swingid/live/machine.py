@@ -47,11 +47,6 @@ def most_taken(board: Board) -> int:
 
 
 @cache
-def _ids() -> dict[str, int]:
-    return {name: message.id for name, message in schema().by_name.items()}
-
-
-@cache
 def _sizes() -> dict[str, int]:
     """Bytes of each message on a line: identifier, check, COBS's byte and the zero are six."""
     return {name: message.length + 6 for name, message in schema().by_name.items()}
@@ -142,7 +137,8 @@ class Machine:
             self._output += encode(name, **values)
 
     def _answer(self, message: str, status: Status, following: int = 0, value: int = 0) -> None:
-        self._send("Ack", message=_ids()[message], status=status, state=self.state, next=following, value=value)
+        number = schema().by_name[message].id
+        self._send("Ack", message=number, status=status, state=self.state, next=following, value=value)
 
     def _send_sample(self, time: int, readings: Readings) -> None:
         flags = self._flags | self._ended

@@ -108,18 +108,14 @@ class NativeProcess:
         self.address = f"serial://{link}" if tcp is None else f"tcp://localhost:{link.rpartition(':')[2]}"
         self._plant = socket.create_connection(("127.0.0.1", int(port[1])), START_TIME)
         self._plant.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._answers = self._plant.makefile("rb")
 
     def exchange(self, time: int, readings: Readings) -> float:
         """One sample: readings at a device time (us) in, the voltage (V) out; DeviceError where it has ended."""
         packed = TOLD.pack(time, readings.axis, readings.wheel, readings.current, int(readings.valid), 0)
-        answer = b""
         try:
             self._plant.sendall(packed)
-            while len(answer) < ANSWER.size:
-                piece = self._plant.recv(ANSWER.size - len(answer))
-                if not piece:
-                    break
-                answer += piece
+            answer = self._answers.read(ANSWER.size)
         except OSError:
             answer = b""
         if len(answer) < ANSWER.size:
@@ -128,6 +124,7 @@ class NativeProcess:
 
     def close(self) -> None:
         """End the process, by the end of its plant."""
+        self._answers.close()
         self._plant.close()
         try:
             self._process.wait(START_TIME)

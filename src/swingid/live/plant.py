@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import UsageError
+from swingid.live.codes import apart
 from swingid.live.guard import Board, Readings
 from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, STEP_KERNEL
 from swingid.model.motion import COUNTS, FIELDS, LONGEST, advance
@@ -133,11 +134,8 @@ class Plant:
 
     def read(self) -> Readings:
         """Raw counts of both encoders at this sample, wrapping at 32 bits; the twin measures no current."""
-        counts = [
-            (round(angle / step) + 2**31) % 2**32 - 2**31
-            for angle, step in zip(self.angles(), self._steps, strict=True)
-        ]
-        return Readings(counts[0], counts[1])
+        axis, wheel = (apart(round(angle / step), 0) for angle, step in zip(self.angles(), self._steps, strict=True))
+        return Readings(axis, wheel)
 
     def hold(self, voltage: float) -> None:
         """Move on by a sample under a held voltage (V), which the rig's amplifier limits."""

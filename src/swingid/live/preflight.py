@@ -180,10 +180,8 @@ def require_same_rig(rig: Rig, board: Board, name: str) -> None:
     for channel, has in (("angle", board.axis_counts), ("wheel", board.wheel_counts)):
         stated = rig.sensors.of(channel).resolution  # type: ignore[arg-type]
         if stated > 0.0 and has and abs(2 * math.pi / stated / has - 1) > 1e-3:
-            text = (
-                f"{rig.source}: sensors state {2 * math.pi / stated:.0f} counts per turn ({channel}), and {name} has "
-            )
-            raise InputError(f"{text}{has}; correct the one that is wrong", code="other-counts")
+            text = f"{rig.source}: sensors state {2 * math.pi / stated:.0f} counts per turn ({channel}), and {name} "
+            raise InputError(f"{text}has {has}; correct the one that is wrong", code="other-counts")
     limit = None if rig.drive.motor is None else rig.drive.motor.voltage_limit
     if limit is not None and limit > board.voltage_limit * (1 + 1e-6):
         text = f"{rig.source}: drive.motor.voltage_limit is {limit:g} V, and {name} gives {board.voltage_limit:g} V"

@@ -7,10 +7,8 @@ dead does not stop the loop, and where the link's process dies the firmware give
 from __future__ import annotations
 
 import math
-import os
 import pickle
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -21,14 +19,16 @@ from swingid.live.codes import StopMode
 from swingid.live.experiment import Conductor, Done, Order, opened, required
 from swingid.live.frames import Decoder
 from swingid.live.guard import Limits
-from swingid.live.journal import require_new
+from swingid.live.journal import new_file, require_new
 from swingid.live.progress import Follower, Progress
-from swingid.live.ring import Kind, Reader, Record, Ring, Role
+from swingid.live.ring import Kind, Reader, Record, Ring, Role, started
 from swingid.live.running import OVERTIME, SLOW
 from swingid.live.worker import DEAD, HUNG, POLL, Job
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
+
+WORKER = "swingid.live.worker"
 
 ENDING = 10.0
 """Seconds that the recorder has for the end of its file."""
@@ -59,7 +59,6 @@ class ProcessConductor:
         self._asked: tuple[StopMode, str] | None = None
         self._follower: Follower | None = None
         self._decoder = Decoder()
-        self._notes: list[str] = []
         self.pids: dict[str, int] = {}
 
     def stop(self, mode: StopMode, why: str) -> None:
@@ -74,7 +73,10 @@ class ProcessConductor:
         required(order)
         Limits.of(self.rig)
         require_new(out)
-        self._check_out(out)
+        new = not out.exists()
+        new_file(out).close()
+        if new:  # the recorder makes it again
+            out.unlink()
         ring = self._ring = Ring()
         ring.hold(Role.VIEW)
         if self._asked is not None:  # before there was a ring
@@ -85,7 +87,7 @@ class ProcessConductor:
         workers: dict[str, subprocess.Popen[bytes]] = {}
         try:
             for role in ("recorder", "link"):
-                workers[role] = self._start(role, ring)
+                workers[role] = started(ring, WORKER, role, stderr=subprocess.PIPE)
                 self.pids[role] = workers[role].pid
             done = self._follow(order, ring, workers)
             done.journal_error = done.journal_error or _ended(workers["recorder"])
@@ -99,31 +101,6 @@ class ProcessConductor:
             self._ring = self._asked = None
             ring.close()
 
-    @staticmethod
-    def _check_out(out: Path) -> None:
-        new = not out.exists()
-        try:
-            out.open("wb").close()
-            if new:  # the recorder makes it again
-                out.unlink()
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise InputError(f"cannot write {out}: {reason}; give another --out", code="cannot-write") from None
-
-    @staticmethod
-    def _start(role: str, ring: Ring) -> subprocess.Popen[bytes]:
-        """A process of its own, which the terminal's Ctrl-C does not reach."""
-        windows = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-        return subprocess.Popen(
-            [sys.executable, "-m", "swingid.live.worker", role, ring.handle],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,  # not that of the command, which a pipe's reader may wait for
-            stderr=subprocess.PIPE,
-            start_new_session=os.name != "nt",
-            creationflags=windows,
-            pass_fds=ring.descriptors,
-        )
-
     def _follow(self, order: Order, ring: Ring, workers: dict[str, subprocess.Popen[bytes]]) -> Done:
         """Show what the ring brings until the link has ended; one that hangs is ended."""
         reader, link, patience = Reader(ring), workers["link"], Patience(ring, order)
@@ -133,7 +110,7 @@ class ProcessConductor:
             for record in reader.read():
                 if record.kind is Kind.DONE:
                     done: Done = pickle.loads(record.data)
-                    done.notes += self._notes + (self._follower.notes if self._follower is not None else [])
+                    done.notes += self._follower.notes if self._follower is not None else []
                     return done
                 if record.kind is Kind.FAILED:
                     raise pickle.loads(record.data)
@@ -148,9 +125,8 @@ class ProcessConductor:
                 ring.over = True
                 raise self._dead(f"{hangs}, so it was killed", "host-hung")
             if unrecorded and self._follower is None:
-                text = (
-                    f"the journal's process has ended ({_ended(workers['recorder'])}), and nothing has moved; run again"
-                )
+                why = _ended(workers["recorder"])
+                text = f"the journal's process has ended ({why}), and nothing has moved; run again"
                 raise InputError(text, code="cannot-write")
             time.sleep(POLL)
 
@@ -161,25 +137,19 @@ class ProcessConductor:
             plan, facts = pickle.loads(record.data)
             rate = float(facts["rate"])
             patience.begin(len(plan.reference) / rate)
-            self._follower = Follower(self.rig, plan.parameters.tolist(), plan.reference.tolist(), order.until, rate)
+            planned = plan.parameters.tolist(), plan.reference.tolist()
+            self._follower = Follower(self.rig, *planned, order.until, rate, self._show)
         elif record.kind is Kind.DEVICE and self._follower is not None:
-            progress = self._follower.feed(self._decoder.feed(record.data))
-            try:
-                self._show(progress)
-            except Exception as error:  # whatever a view does, the run goes on
-                self._show = lambda _: None
-                self._notes.append(f"the view has failed ({type(error).__name__}); the run went on without it")
-            if progress.reached:
-                ring.ask(StopMode.SOFT, progress.reached)
+            reached = self._follower.look(self._decoder.feed(record.data))
+            if reached:
+                ring.ask(StopMode.SOFT, reached)
 
     def _dead(self, how: str, code: str) -> SwingidError:
         text = f"the process of the link to {self.address} {how}; without its heartbeat "
         if self._follower is None:
             return DeviceError(f"{text}the firmware gives 0 V, and the run had not begun: run again", code=code)
-        text += (
-            "the firmware gives 0 V within 100 ms, and the journal holds the run up to there; clear the fault (--clear)"
-        )
-        return DeviceError(text, code=code)
+        text += "the firmware gives 0 V within 100 ms, and the journal holds the run up to there; "
+        return DeviceError(f"{text}clear the fault (--clear)", code=code)
 
 
 class Patience:
@@ -220,9 +190,8 @@ def _ended(worker: subprocess.Popen[bytes]) -> str:
     lines = said.decode(errors="replace").strip().splitlines() if said else []
     if lines:
         return lines[-1]
-    by = (
-        f"killed by signal {-worker.returncode}" if worker.returncode < 0 else f"ended by exit code {worker.returncode}"
-    )
+    code = worker.returncode
+    by = f"killed by signal {-code}" if code < 0 else f"ended by exit code {code}"
     return f"the process that writes it was {by}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -25,15 +26,14 @@ LEAST_TIME = 3.0
 class Progress:
     """A run so far.
 
-    time, left (s); error (rad): of the last sample against the reference; tracking (rad): root of the mean square over
-    the last second; voltage, limit (V). estimate: after the last swing, fresh: whether that came with this call.
-    reached: why the run may stop, "" while it may not. rows, lost: numbers so far; new: rows of this call.
+    time, left (s); tracking (rad): root of the mean square error against the reference over the last second; voltage,
+    limit (V). estimate: after the last swing, fresh: whether that came with this call. reached: why the run
+    may stop, "" while it may not. rows, lost: numbers so far; new: rows of this call.
     """
 
     state: State = State.IDLE
     time: float = 0.0
     left: float = 0.0
-    error: float = 0.0
     tracking: float = 0.0
     gain: float = 0.0
     voltage: float = 0.0
@@ -65,8 +65,8 @@ class Progress:
 class Follower:
     """Makes the progress out of the frames of a run.
 
-    until: relative standard uncertainty of the online estimate at which `reached` is set, 0 for never. notes: what the
-    estimates could not be made of.
+    until: relative standard uncertainty of the online estimate at which `reached` is set, 0 for never. show: called by
+    `look`. notes: what the estimates could not be made of.
     """
 
     rig: Rig
@@ -74,6 +74,7 @@ class Follower:
     reference: list[float]
     until: float
     rate: float
+    show: Callable[[Progress], None] = lambda _: None
     progress: Progress = field(default_factory=Progress)
     notes: list[str] = field(default_factory=list)
 
@@ -83,6 +84,16 @@ class Follower:
         self._errors: list[float] = []
         self._estimator: Estimator | None = None
         self._guarded(lambda: setattr(self, "_estimator", Estimator(self.rig)))
+
+    def look(self, frames: list[Frame], start: int | None = None) -> str:
+        """Take the frames of a turn and show the progress; why the run may stop, "" while it may not."""
+        progress = self.feed(frames, start)
+        try:
+            self.show(progress)
+        except Exception as error:  # whatever a view does, the run goes on
+            self.show = lambda _: None
+            self.notes.append(f"the view has failed ({type(error).__name__}); the run went on without it")
+        return progress.reached
 
     def feed(self, frames: list[Frame], start: int | None = None) -> Progress:
         """Take the frames of a turn; start: the sequence of reference 0, where it is known otherwise."""
@@ -101,7 +112,6 @@ class Follower:
         self._errors += [row.q1 - row.ym for row in rows if row.q1 is not None and row.ym is not None]
         del self._errors[: -int(self.rate)]
         if self._errors:
-            shown.error = self._errors[-1]
             shown.tracking = (sum(e * e for e in self._errors) / len(self._errors)) ** 0.5
         shown.rows, shown.lost = shown.rows + len(rows), self._rows.lost
         self._guarded(lambda: self._estimate(rows))

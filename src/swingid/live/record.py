@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swingid.errors import DeviceError, InputError, UsageError
+from swingid.live.journal import new_file
 
 if TYPE_CHECKING:
     from swingid.live.devices.stream import Stream
@@ -128,11 +129,7 @@ class _Log:
     """The CSV file: header with the first rows, flushed and synchronised now and then."""
 
     def __init__(self, path: Path, names: Sequence[str], rate: float | None) -> None:
-        try:
-            self._file = path.open("w", encoding="utf-8", newline="\n")
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise InputError(f"cannot write {path}: {reason}; give another --out", code="cannot-write") from None
+        self._file = new_file(path, "w", encoding="utf-8", newline="\n")
         self.path, self.columns, self.rows = path, tuple(names), 0
         self._rate = rate
         self._flushed = self._synced = time.monotonic()

@@ -117,10 +117,8 @@ def hanging(
 
     used = [frame for frame in frames if not frame.flags & UNUSED]
     if len(used) < max(10, len(frames) // 2):
-        text = (
-            f"{name}: {len(frames) - len(used)} of {len(frames)} samples at rest are flagged as without a reading, or "
-        )
-        raise DeviceError(f"{text}late; look after the encoders' cables and magnets", code="no-readings")
+        text = f"{name}: {len(frames) - len(used)} of {len(frames)} samples at rest are flagged as without a reading, "
+        raise DeviceError(f"{text}or late; look after the encoders' cables and magnets", code="no-readings")
     time, axis, wheel, _ = counts_of(used)
     body = _still(time, axis, board.axis_counts, swing, "body", rig, board, name)
     if not board.wheel_counts:

@@ -12,14 +12,17 @@ from __future__ import annotations
 import errno
 import mmap
 import os
+import pickle
 import struct
+import subprocess
+import sys
 import tempfile
 import time
 from contextlib import suppress
 from enum import IntEnum
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from swingid.errors import InputError
 from swingid.live.codes import StopMode
@@ -58,6 +61,7 @@ class Kind(IntEnum):
     DONE = 5
     FAILED = 6
     JOB = 7
+    SHOWN = 8
 
 
 class Record(NamedTuple):
@@ -234,11 +238,8 @@ class Reader:
         records = []
         while self._tail < head:
             kind, now, length = _RECORD.unpack(self._bytes(self._tail, _RECORD.size))
+            data = self._bytes(self._tail + _RECORD.size, min(length, ROOM))
             if self._behind():  # written over while it was read
-                head = self._skip()
-                continue
-            data = self._bytes(self._tail + _RECORD.size, length)
-            if self._behind():
                 head = self._skip()
                 continue
             self._tail += _RECORD.size + length
@@ -262,6 +263,24 @@ class Reader:
         first = min(length, START + ROOM - place)
         memory = self._ring._map
         return bytes(memory[place : place + first]) + bytes(memory[START : START + length - first])
+
+
+def started(ring: Ring, module: str, *words: str, stderr: int | None = None) -> subprocess.Popen[bytes]:
+    """A process ``python -m MODULE WORDS HANDLE`` that opens the ring; the terminal's Ctrl-C does not reach it."""
+    return subprocess.Popen(
+        [sys.executable, "-m", module, *words, ring.handle],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,  # not that of the command, which a pipe's reader may wait for
+        stderr=stderr,
+        start_new_session=os.name != "nt",
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+        pass_fds=ring.descriptors,
+    )
+
+
+def job_in(ring: Ring) -> Any:
+    """What the first record of a ring, a JOB, asks a process to do."""
+    return pickle.loads(next(record.data for record in Reader(ring).read() if record.kind is Kind.JOB))
 
 
 def memory() -> str:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from swingid.control import law
 from swingid.live import guard as at
-from swingid.live.codes import Flag, State, Status
+from swingid.live.codes import Flag, State, Status, apart
 from swingid.live.frames import Frame
 from swingid.live.schema import schema
 
@@ -43,7 +44,7 @@ class Unwrapped:
         if self.value is None:
             self.value = raw
         else:
-            self.value += (raw - self.value + 2**31) % 2**32 - 2**31
+            self.value += apart(raw, self.value)
         return self.value
 
 
@@ -52,14 +53,13 @@ class Rows:
     """Rows of the running state, in the order of their sequence; others, and samples that come twice, are left out.
 
     parameters: those of the device (`guard.parameters_of`), for steps, signs and zero. reference: what was sent (rad).
-    lost: samples of the run that did not come; flagged: whose readings are not used.
+    lost: samples of the run that did not come.
     """
 
     parameters: list[float]
     reference: list[float] = field(default_factory=list)
     start: int | None = None
     lost: int = 0
-    flagged: int = 0
     _time: Unwrapped = field(default_factory=Unwrapped)
     _axis: Unwrapped = field(default_factory=Unwrapped)
     _wheel: Unwrapped = field(default_factory=Unwrapped)
@@ -71,7 +71,7 @@ class Rows:
         """The rows of these frames; those that come before Run's answer wait for it."""
         rows = []
         for frame in frames:
-            if frame.name == "Ack" and frame.message == _run_id() and frame.status == Status.DONE:
+            if frame.name == "Ack" and frame.message == schema().by_name["Run"].id and frame.status == Status.DONE:
                 self.start = frame.value if self.start is None else self.start
             elif frame.name == "Sample":
                 self._waiting.append(frame)
@@ -84,22 +84,21 @@ class Rows:
 
     def _row(self, frame: Frame) -> Row | None:
         before = self._sequence.value
-        if before is not None and (frame.sequence - before + 2**31) % 2**32 - 2**31 <= 0:
+        if before is not None and apart(frame.sequence, before) <= 0:
             return None
         sequence, time = self._sequence(frame.sequence), self._time(frame.time)
         axis, wheel = self._axis(frame.axis), self._wheel(frame.wheel)
         if frame.state != State.RUNNING or self.start is None:
             return None
-        number = (frame.sequence - self.start + 2**31) % 2**32 - 2**31
+        number = apart(frame.sequence, self.start)
         if number < 0:
             return None
         if self._first is None:
-            self._first = time - (0 if number == 0 else round(number * 1e6 / self._rate()))
+            self._first = time - round(number * 1e6 / (1.0 / self.parameters[at.CONTROLLER + law.SAMPLE_TIME]))
             self.lost += number
         elif before is not None:
             self.lost += sequence - before - 1
         p, unused = self.parameters, int(frame.flags & UNUSED)
-        self.flagged += unused != 0
         return Row(
             t=(time - self._first) * 1e-6,
             q1=None if unused else (axis - int(p[at.AXIS_ZERO])) * p[at.AXIS_STEP],
@@ -109,18 +108,3 @@ class Rows:
             ym=self.reference[number] if number < len(self.reference) else None,
             flags=unused or None,
         )
-
-    def _rate(self) -> float:
-        from swingid.control import law
-
-        return 1.0 / self.parameters[at.CONTROLLER + law.SAMPLE_TIME]
-
-
-def _run_id() -> int:
-    return schema().by_name["Run"].id
-
-
-def columns(rows: list[Row]) -> dict[str, list[Any]]:
-    """Rows as columns t, q1, q2, u, k, ym; those that nothing fills are left out."""
-    by_name = {name: [getattr(row, name) for row in rows] for name in Row._fields}
-    return {name: values for name, values in by_name.items() if any(value is not None for value in values)}

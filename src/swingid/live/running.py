@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from swingid.errors import DeviceError
-from swingid.live.codes import FaultCode, Flag, State, Status, StopMode
-from swingid.live.ends import RESET, End, Reason, Run, apart, fault_words, refusal_words
+from swingid.live.codes import FaultCode, Flag, State, Status, StopMode, apart
+from swingid.live.ends import RESET, End, Reason, Run, fault_words, refusal_words
 from swingid.live.frames import Frame, encode
 from swingid.live.link import MOST_LOST, TURN, Link
 from swingid.live.schema import schema
@@ -82,7 +82,7 @@ class Running:
                 self._check_time()
         if not self._end.seen:
             self.abandon()
-        samples = [] if self.start is None else _from(self._seen.samples, self.start)
+        samples = [f for f in self._seen.samples if self.start is not None and apart(f.sequence, self.start) >= 0]
         moved = self.start is not None or bool(self._seen.states - {State.IDLE, State.ARMED})
         return Run(samples, self.start or 0, self._end, self._seen.lost, moved)
 
@@ -288,7 +288,3 @@ class Running:
         missing = f"is {self._seen.running_words()} after Stop" if self._obeys else "does not answer to Stop"
         text = f"{why}; {self._link.name} {missing}: switch the supply of the motor off"
         self._end = End(reason if kept else Reason.LOST, text, seen=False)
-
-
-def _from(samples: list[Frame], start: int) -> list[Frame]:
-    return [frame for frame in samples if apart(frame.sequence, start) >= 0]

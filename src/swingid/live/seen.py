@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from swingid.live.codes import Flag, State
-from swingid.live.ends import apart, fault_words, state_words, unknown_state
+from swingid.live.codes import Flag, State, apart
+from swingid.live.ends import fault_words, state_words, unknown_state
 from swingid.live.frames import Frame
 
 SILENT = 0.5

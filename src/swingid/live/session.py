@@ -115,9 +115,8 @@ class Session:
             )
         if link.bad or link.bytes_in:
             text = f"{name} sends bytes that are no frames of swingid; check the baud rate, and that its firmware is "
-            return DeviceError(
-                text + "that of firmware/, or name a csv:// device for one that prints", code="no-frames"
-            )
+            text += "that of firmware/, or name a csv:// device for one that prints"
+            return DeviceError(text, code="no-frames")
         text = f"{name} does not answer; check its supply and the cable, and that its firmware is running"
         if name.startswith("tcp://"):
             text += ", and that no other host is connected to that port"
@@ -139,18 +138,17 @@ class Session:
         if frame is None:
             raise self._no_hello()
         self._met(frame)
+        name = self.link.name
         if frame.state not in set(State):
-            raise DeviceError(unknown_state(self.link.name, frame.state), code="unknown-state")
+            raise DeviceError(unknown_state(name, frame.state), code="unknown-state")
         if frame.state == State.FAULT:
             word = FaultCode(frame.fault).name.lower() if frame.fault in set(FaultCode) else str(frame.fault)
-            text = (
-                f"{self.link.name} holds a fault ({word}) of an earlier run; look at the rig, then clear it (--clear)"
-            )
+            text = f"{name} holds a fault ({word}) of an earlier run; look at the rig, then clear it (--clear)"
             if self._cleared:
-                text = f"{self.link.name} holds the fault {word} after Clear, too; start it again, or build it anew"
+                text = f"{name} holds the fault {word} after Clear, too; start it again, or build it anew"
             raise DeviceError(text, code="latched-fault")
         if frame.state != State.IDLE:
-            text = f"{self.link.name} is {state_words(frame.state)} for another host; stop that one first"
+            text = f"{name} is {state_words(frame.state)} for another host; stop that one first"
             raise DeviceError(text, code="in-use")
 
     def load(self, parameters: ArrayLike) -> None:
@@ -159,10 +157,9 @@ class Session:
         total, sent = len(values), 0
         if self.hello is not None and total > self.hello.parameter_room:
             order, most = ((n - LEAST_PARAMETERS) // 2 for n in (total, self.hello.parameter_room))
-            text = (
-                f"the controller is of order {order}, and {self.link.name} computes order {most} at most in a sample "
-            )
-            text += f"({total} parameters, room for {self.hello.parameter_room}); choose one of lower relative degree"
+            text = f"the controller is of order {order}, and {self.link.name} computes order {most} at most in a "
+            text += f"sample ({total} parameters, room for {self.hello.parameter_room}); "
+            text += "choose one of lower relative degree"
             raise DeviceError(text, code="order-too-high")
         # a device that had some already starts again at index 0
         deadline = self.link.clock() + PATIENCE + 0.05 * total

@@ -9,6 +9,7 @@ import math
 from collections import deque
 
 from swingid.live import guard as at
+from swingid.live.codes import apart
 from swingid.live.frames import Frame
 from swingid.live.machine import ENERGISED
 
@@ -45,7 +46,7 @@ class HostGuard:
             if before is not None and (frame.sequence - before.sequence) % 2**32 > 2**31:
                 continue  # an older one that comes late
             self._past.append(frame)
-            if before is not None and frame.sequence != before.sequence and _change(frame.time, before.time) <= 0:
+            if before is not None and frame.sequence != before.sequence and apart(frame.time, before.time) <= 0:
                 return f"{STOPPED}: the device's clock does not go on, from {before.time} to {frame.time} us"
             if frame.state in ENERGISED and (why := self._wrong(frame)) is not None:
                 return f"{STOPPED}: {why}"
@@ -53,7 +54,7 @@ class HostGuard:
 
     def _wrong(self, frame: Frame) -> str | None:
         p, first = self._p, self._past[0]
-        angle = _change(frame.axis, int(p[at.AXIS_ZERO])) * p[at.AXIS_STEP]
+        angle = apart(frame.axis, int(p[at.AXIS_ZERO])) * p[at.AXIS_STEP]
         if abs(angle) > TIGHTER * p[at.ANGLE_LIMIT]:
             return f"the angle is {angle:.3g} rad, its limit {TIGHTER * p[at.ANGLE_LIMIT]:.3g} rad"
         if not abs(frame.voltage) <= p[at.VOLTAGE_LIMIT] * (1 + 1e-6):
@@ -61,8 +62,8 @@ class HostGuard:
         time = ((frame.time - first.time) % 2**32) * 1e-6
         if len(self._past) < (self._past.maxlen or 0) or not 0 < time < 1.0:
             return None
-        speed = _change(frame.axis, first.axis) * p[at.AXIS_STEP] / time
-        wheel = _change(frame.wheel, first.wheel) * p[at.WHEEL_STEP] / time
+        speed = apart(frame.axis, first.axis) * p[at.AXIS_STEP] / time
+        wheel = apart(frame.wheel, first.wheel) * p[at.WHEEL_STEP] / time
         for name, value, limit in (
             ("axis", speed, p[at.SPEED_LIMIT]),
             ("wheel", wheel, p[at.WHEEL_SPEED_LIMIT]),
@@ -78,7 +79,3 @@ class HostGuard:
 def energy_of(angle: float, speed: float, inertia: float, gravity_torque: float) -> float:
     """Energy (J) of the body at an angle (rad) and a speed (rad/s) about where it hangs."""
     return 0.5 * inertia * speed * speed + gravity_torque * (1.0 - math.cos(angle))
-
-
-def _change(now: int, before: int) -> int:
-    return (now - before + 2**31) % 2**32 - 2**31

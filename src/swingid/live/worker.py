@@ -23,7 +23,7 @@ from swingid.live.experiment import TOO_FAST, Conductor, Done, Order, opened
 from swingid.live.interrupt import stopping
 from swingid.live.journal import Journal, Plan
 from swingid.live.pace import Pace, alone
-from swingid.live.ring import Kind, Reader, Record, Ring, Role
+from swingid.live.ring import Kind, Reader, Record, Ring, Role, job_in
 from swingid.processes import END_SIGNALS
 from swingid.system import keep_traceback
 
@@ -232,8 +232,7 @@ def main() -> None:
     """Read the job, do it."""
     role, handle = sys.argv[1:]
     ring = Ring(handle)
-    job = next(record for record in Reader(ring).read() if record.kind is Kind.JOB)
-    {"link": link, "recorder": recorder}[role](pickle.loads(job.data), ring)
+    {"link": link, "recorder": recorder}[role](job_in(ring), ring)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 from swingid.errors import DeviceError, SwingidError, UsageError
-from swingid.live.devices.stream import closed_error, gone, split_address, stuck
+from swingid.live.devices.stream import Connection, split_address
 from swingid.live.frames import unwrap, wrap
 from swingid.live.schema import missing_extra, schema
 
@@ -20,66 +20,66 @@ MOST = 256
 """Messages that one call of `read` returns at most."""
 
 
-class CanDevice:
+class CanBus(Connection):
+    """A bus of python-can, with CAN-FD."""
+
+    def __init__(self, bus: Any, address: str) -> None:
+        import can
+
+        super().__init__(bus, address, (can.CanError, OSError))
+
+    def send(self, identifier: int, data: bytes, **timeout: float) -> None:
+        """A message; timeout: seconds after which a bus that takes none is said to be stuck, without it to be gone."""
+        import can
+
+        message = can.Message(
+            arbitration_id=identifier, data=data, is_extended_id=identifier > 0x7FF, is_fd=True, bitrate_switch=True
+        )
+        with self.used(to_send=bool(timeout)) as bus:
+            bus.send(message, **timeout)
+
+    def recv(self, timeout: float) -> Any:
+        """The next message, after at most `timeout` (s); None without one."""
+        with self.used() as bus:
+            return bus.recv(timeout)
+
+    def is_full(self, error: Exception) -> bool:
+        """Return whether a message was not taken, by the error of sending."""
+        return super().is_full(error) or "buffer" in str(error).lower()
+
+    def end(self, handle: Any) -> None:
+        """Leave the bus."""
+        handle.shutdown()
+
+
+class CanDevice(CanBus):
     """A bus of python-can as a device. from_host: this side is the host; False for tests, emulators."""
 
-    virtual = False
-
     def __init__(self, bus: Any, address: str, *, from_host: bool = True) -> None:
-        self.address = address
-        self._bus: Any = bus
+        super().__init__(bus, address)
         self._rest = b""
         self._expected = {i for i, message in schema().by_id.items() if message.from_host != from_host}
 
     def write(self, data: bytes) -> None:
         """Send the frames that end in these bytes, each as a message; bytes that are no frame are left out."""
-        import can
-
-        bus = self._open()
         *ended, self._rest = (self._rest + data).split(b"\0")
         for encoded in ended:
             frame = unwrap(encoded) if encoded else None
-            if frame is None:
-                continue
-            message = can.Message(
-                arbitration_id=frame[0], data=frame[1], is_extended_id=False, is_fd=True, bitrate_switch=True
-            )
-            try:
-                bus.send(message, timeout=WRITE_TIME)
-            except (can.CanError, OSError) as error:
-                full = "buffer" in str(error).lower() or isinstance(error, can.CanTimeoutError)
-                raise stuck(self.address) if full else gone(self.address, error) from None
+            if frame is not None:
+                self.send(*frame, timeout=WRITE_TIME)
 
     def read(self, timeout: float = 0.0) -> bytes:
         """What has come, after at most `timeout` (s), as frames of a serial line; other messages are left out."""
-        import can
-
-        bus = self._open()
         data = b""
         until = time.monotonic() + max(timeout, 0.0)
         for _ in range(MOST):
-            remaining = 0.0 if data else max(until - time.monotonic(), 0.0)
-            try:
-                message = bus.recv(remaining)
-            except (can.CanError, OSError) as error:
-                raise gone(self.address, error) from None
+            message = self.recv(0.0 if data else max(until - time.monotonic(), 0.0))
             if message is None:
                 break
             plain = not (message.is_extended_id or message.is_error_frame or message.is_remote_frame)
             if plain and message.arbitration_id in self._expected:
                 data += wrap(message.arbitration_id, bytes(message.data))
         return data
-
-    def close(self) -> None:
-        """Leave the bus."""
-        if self._bus is not None:
-            bus, self._bus = self._bus, None
-            bus.shutdown()
-
-    def _open(self) -> Any:
-        if self._bus is None:
-            raise closed_error(self.address)
-        return self._bus
 
 
 def open_can(address: str) -> CanDevice:

@@ -13,7 +13,7 @@ from typing import IO
 
 from swingid.errors import DeviceError, UsageError
 from swingid.live.devices.serial_port import SerialDevice, open_serial
-from swingid.live.devices.stream import closed_error, gone, split_address
+from swingid.live.devices.stream import Connection, split_address
 
 BAUD = 115200
 """What sketches use; ports over USB take any."""
@@ -25,15 +25,14 @@ PIECE = 1 << 16
 _PORT = re.compile(r"/dev/(tty|cu|serial|pts)\S*|COM\d+", re.IGNORECASE)
 
 
-class PassiveDevice:
+class PassiveDevice(Connection):
     """What prints columns, as a stream of its bytes; `write` is refused. path: of the file, empty for a port."""
 
-    virtual = False
     passive = True
 
     def __init__(self, source: SerialDevice | IO[bytes], address: str, path: str = "") -> None:
-        self.address, self.path = address, path
-        self._source: SerialDevice | IO[bytes] | None = source
+        super().__init__(source, address)
+        self.path = path
 
     def write(self, data: bytes) -> None:
         """Nothing can be sent: UsageError."""
@@ -43,27 +42,16 @@ class PassiveDevice:
 
     def read(self, timeout: float = 0.0) -> bytes:
         """What has come, after at most `timeout` (s); DeviceError where the port or file has gone."""
-        source = self._source
-        if source is None:
-            raise closed_error(self.address)
-        if isinstance(source, SerialDevice):
-            return source.read(timeout)
         until = time.monotonic() + timeout
-        while True:
-            try:
-                data = source.read(PIECE)
-            except OSError as error:
-                raise gone(self.address, error) from None
-            remaining = until - time.monotonic()
-            if data or remaining <= 0.0:
-                return data or b""
-            time.sleep(min(LOOK, remaining))
-
-    def close(self) -> None:
-        """Let go of port or file."""
-        if self._source is not None:
-            source, self._source = self._source, None
-            source.close()
+        with self.used() as source:
+            if isinstance(source, SerialDevice):
+                return source.read(timeout)
+            while True:
+                data: bytes = source.read(PIECE) or b""
+                remaining = until - time.monotonic()
+                if data or remaining <= 0.0:
+                    return data
+                time.sleep(min(LOOK, remaining))
 
 
 def open_columns(address: str) -> PassiveDevice:

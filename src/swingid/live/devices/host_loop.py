@@ -14,8 +14,8 @@ from contextlib import suppress
 from typing import Any
 
 from swingid.errors import DeviceError, UsageError
-from swingid.live.codes import State
-from swingid.live.devices.stream import Address, closed_error, gone
+from swingid.live.codes import State, apart
+from swingid.live.devices.stream import Address, Connection, gone
 from swingid.live.guard import Board, Readings
 from swingid.live.machine import VERSION, Machine
 
@@ -42,17 +42,15 @@ class Steady:
             time.sleep(seconds)
 
 
-class HostLoop(ABC):
+class HostLoop(Connection, ABC):
     """A drive as a device: `_read`, `_drive_by` and `_leave` are its own. steady: another clock, for tests."""
 
-    virtual = False
-
     def __init__(self, address: str, board: Board, *, steady: Any = None) -> None:
-        self.address, self.board, self.machine = address, board, Machine(board)
+        super().__init__(board, address)
+        self.board, self.machine = board, Machine(board)
         self._steady = steady or Steady()
         self._pending = b""
         self._last = Readings(0, 0)
-        self._closed = False
         self._begin = self._due = self._heard = self._steady.now()
 
     @abstractmethod
@@ -69,13 +67,13 @@ class HostLoop(ABC):
 
     def write(self, data: bytes) -> None:
         """Bytes from the host."""
-        self._require_open()
+        self.require_open()
         self.machine.receive(data)
         self._pending += self.machine.output()
 
     def read(self, timeout: float = 0.0) -> bytes:
         """Make the samples that are due, the first of them within `timeout` (s); DeviceError where the drive goes."""
-        self._require_open()
+        self.require_open()
         until = self._steady.now() + max(timeout, 0.0)
         while True:
             now = self._steady.now()
@@ -92,15 +90,12 @@ class HostLoop(ABC):
         data, self._pending = self._pending, b""
         return data
 
-    def close(self) -> None:
-        """Stop the motor and leave; a second call does nothing."""
-        if self._closed:
-            return
+    def end(self, handle: Board) -> None:
+        """Stop the motor and leave."""
         try:
             with suppress(DeviceError):
                 self._drive_by(None)
         finally:
-            self._closed = True
             self._leave()
 
     def _sample(self) -> None:
@@ -115,14 +110,10 @@ class HostLoop(ABC):
         self._pending += self.machine.output()
         self._drive_by(voltage if self.machine.state in (State.RUNNING, State.STOPPING) else None)
 
-    def _require_open(self) -> None:
-        if self._closed:
-            raise closed_error(self.address)
-
 
 def wrapped(turns: float) -> int:
     """Counts of a position in turns, in 32 bits."""
-    return (round(turns * COUNTS) + 2**31) % 2**32 - 2**31
+    return apart(round(turns * COUNTS), 0)
 
 
 def board_at(parts: Address, rate: float = 200.0) -> Board:

@@ -133,10 +133,8 @@ class ODrive(LineDrive):
         except ValueError:
             set_to = math.nan
         if not 0.0 < set_to <= WATCHDOG * 1.001:
-            text = (
-                f"{address}: the drive answers {said!r} to its watchdog, without which a dead host leaves the torque "
-            )
-            raise DeviceError(f"{text}on; look after port and firmware (0.5)", code="no-watchdog")
+            text = f"{address}: the drive answers {said!r} to its watchdog, without which a dead host leaves the "
+            raise DeviceError(f"{text}torque on; look after port and firmware (0.5)", code="no-watchdog")
 
     def _read(self) -> Readings:
         self._looked += 1

@@ -17,9 +17,9 @@ from collections.abc import Callable
 from typing import Any
 
 from swingid.errors import DeviceError, UsageError
-from swingid.live.devices.can_bus import join_bus
+from swingid.live.devices.can_bus import CanBus, join_bus
 from swingid.live.devices.host_loop import ANSWER_TIME, WATCHDOG, HostLoop, board_at, gain_at, wrapped
-from swingid.live.devices.stream import closed_error, gone, split_address
+from swingid.live.devices.stream import split_address
 from swingid.live.guard import Board, Readings
 from swingid.live.schema import missing_extra
 
@@ -43,7 +43,7 @@ class MoteusDevice(HostLoop):
         import moteus
 
         super().__init__(address, board, steady=steady)
-        self._bus: Any = bus
+        self._bus = CanBus(bus, address)
         self._drive, self._gain = drive, nm_per_volt
         self._registers = moteus.Register
         self._axis_register = {1: moteus.Register.ENCODER_1_POSITION, 2: moteus.Register.ENCODER_2_POSITION}[encoder]
@@ -68,8 +68,7 @@ class MoteusDevice(HostLoop):
         )
 
     def _leave(self) -> None:
-        bus, self._bus = self._bus, None
-        bus.shutdown()
+        self._bus.close()
 
     def _read(self) -> Readings:
         """The drive's answer as counts; without one in time, whatever else is on the bus, the last ones, not valid.
@@ -78,14 +77,14 @@ class MoteusDevice(HostLoop):
         """
         none = self._last._replace(valid=False)
         until = time.monotonic() + ANSWER_TIME
-        while self._receive(0.0) is not None:  # an answer that came too late is none of this sample
+        while self._bus.recv(0.0) is not None:  # an answer that came too late is none of this sample
             if time.monotonic() >= until:
                 return none
         self._send(self._moteus.make_query())
         until = remaining = time.monotonic() + ANSWER_TIME
         while remaining > 0.0:
             remaining = until - time.monotonic()
-            message = self._receive(max(remaining, 0.0))
+            message = self._bus.recv(max(remaining, 0.0))
             if message is None:
                 break
             if message.arbitration_id >> 8 & 0x7F == self._drive and message.arbitration_id & 0x7F == 0:
@@ -97,10 +96,8 @@ class MoteusDevice(HostLoop):
         registers = self._registers
         if values.get(registers.MODE) == FAULT_MODE:
             code = round(values.get(registers.FAULT, 0))
-            text = (
-                f"{self.address}: the drive has fault {code} (table of faults in moteus' reference); remove the cause"
-            )
-            raise DeviceError(f"{text}, then start again", code="drive-fault")
+            text = f"{self.address}: the drive has fault {code} (table of faults in moteus' reference); remove the "
+            raise DeviceError(f"{text}cause, then start again", code="drive-fault")
         position, axis = values.get(registers.POSITION, math.nan), values.get(self._axis_register, math.nan)
         if not (math.isfinite(position) and math.isfinite(axis)):
             return self._last._replace(valid=False)
@@ -112,32 +109,10 @@ class MoteusDevice(HostLoop):
         return self._last
 
     def _send(self, command: Any) -> None:
-        import can
-
-        identifier = (0x8000 if command.reply_required else 0) | self._drive
         data = bytes(command.data)
         size = next(size for size in (*range(9), 12, 16, 20, 24, 32, 48, 64) if size >= len(data))
         data += b"\x50" * (size - len(data))  # moteus' own byte for nothing
-        message = can.Message(
-            arbitration_id=identifier, data=data, is_extended_id=identifier > 0x7FF, is_fd=True, bitrate_switch=True
-        )
-        try:
-            self._open().send(message)
-        except (can.CanError, OSError) as error:
-            raise gone(self.address, error) from None
-
-    def _receive(self, timeout: float) -> Any:
-        import can
-
-        try:
-            return self._open().recv(timeout)
-        except (can.CanError, OSError) as error:
-            raise gone(self.address, error) from None
-
-    def _open(self) -> Any:
-        if self._bus is None:
-            raise closed_error(self.address)
-        return self._bus
+        self._bus.send((0x8000 if command.reply_required else 0) | self._drive, data)
 
 
 def _asked(moteus: Any, axis: int) -> Any:

@@ -11,7 +11,7 @@ import sys
 from typing import Any
 
 from swingid.errors import DeviceError, SwingidError, UsageError
-from swingid.live.devices.stream import closed_error, gone, split_address, stuck
+from swingid.live.devices.stream import Connection, split_address
 from swingid.live.schema import missing_extra
 
 BAUD = 1_000_000
@@ -19,45 +19,23 @@ WRITE_TIME = 1.0
 PIECE = 65536
 
 
-class SerialDevice:
+class SerialDevice(Connection):
     """An open serial port as a device. port: of serialx."""
 
-    virtual = False
-
     def __init__(self, port: Any, address: str) -> None:
-        self.address = address
-        self._port: Any = port
+        super().__init__(port, address, (Exception,))
         self._piece = bytearray(PIECE)
 
     def write(self, data: bytes) -> None:
         """Send bytes; DeviceError where the port has gone or takes none."""
-        port = self._open()
-        try:
+        with self.used(to_send=True) as port:
             port.write(data, timeout=WRITE_TIME)
-        except TimeoutError:
-            raise stuck(self.address) from None
-        except Exception as error:
-            raise gone(self.address, error) from None
 
     def read(self, timeout: float = 0.0) -> bytes:
         """What has come, after at most `timeout` (s)."""
-        port = self._open()
-        try:
+        with self.used() as port:
             count = port.readinto(self._piece, timeout=max(timeout, 0.0))
-        except Exception as error:
-            raise gone(self.address, error) from None
         return bytes(self._piece[: count or 0])
-
-    def close(self) -> None:
-        """Close the port."""
-        if self._port is not None:
-            port, self._port = self._port, None
-            port.close()
-
-    def _open(self) -> Any:
-        if self._port is None:
-            raise closed_error(self.address)
-        return self._port
 
 
 def open_serial(address: str) -> SerialDevice:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 from urllib.parse import parse_qsl, unquote
 
 from swingid.errors import DeviceError, UsageError
@@ -27,6 +28,44 @@ class Stream(Protocol):
 
     def close(self) -> None:
         """End the connection; a second call does nothing."""
+
+
+class Connection:
+    """A port, a socket or a bus, until it is closed. handle: of its package; failures: errors by which it has gone."""
+
+    virtual = False
+
+    def __init__(self, handle: Any, address: str, failures: tuple[type[Exception], ...] = (OSError,)) -> None:
+        self.address = address
+        self._handle, self._failures = handle, failures
+
+    @contextmanager
+    def used(self, *, to_send: bool = False) -> Iterator[Any]:
+        """The handle. What fails in it is a DeviceError: the device has gone, or takes nothing that is sent to it."""
+        self.require_open()
+        try:
+            yield self._handle
+        except self._failures as error:
+            raise stuck(self.address) if to_send and self.is_full(error) else gone(self.address, error) from None
+
+    def require_open(self) -> None:
+        """Raise UsageError where it is closed."""
+        if self._handle is None:
+            raise closed_error(self.address)
+
+    def is_full(self, error: Exception) -> bool:
+        """Return whether it has taken nothing for too long, by the error of sending."""
+        return isinstance(error, TimeoutError)
+
+    def close(self) -> None:
+        """End it; a second call does nothing."""
+        if self._handle is not None:
+            handle, self._handle = self._handle, None
+            self.end(handle)
+
+    def end(self, handle: Any) -> None:
+        """Give the handle back."""
+        handle.close()
 
 
 @dataclass(frozen=True)

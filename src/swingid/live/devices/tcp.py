@@ -6,56 +6,35 @@ import select
 import socket
 
 from swingid.errors import DeviceError, UsageError
-from swingid.live.devices.stream import closed_error, gone, split_address, stuck
+from swingid.live.devices.stream import Connection, gone, split_address
 
 CONNECT_TIME, WRITE_TIME = 3.0, 1.0
 """Seconds to wait for a connection, and until what is sent has been taken."""
 PIECE = 65536
 
 
-class TcpDevice:
+class TcpDevice(Connection):
     """A connected socket as a device."""
 
-    virtual = False
-
     def __init__(self, connection: socket.socket, address: str) -> None:
-        self.address = address
-        self._socket: socket.socket | None = connection
+        super().__init__(connection, address)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.settimeout(WRITE_TIME)
 
     def write(self, data: bytes) -> None:
         """Send bytes; DeviceError where the other side has gone or takes none."""
-        try:
-            self._open().sendall(data)
-        except TimeoutError:
-            raise stuck(self.address) from None
-        except OSError as error:
-            raise gone(self.address, error) from None
+        with self.used(to_send=True) as connection:
+            connection.sendall(data)
 
     def read(self, timeout: float = 0.0) -> bytes:
         """What has come, after at most `timeout` (s)."""
-        connection = self._open()
-        try:
+        with self.used() as connection:
             if not select.select([connection], [], [], max(timeout, 0.0))[0]:
                 return b""
-            data = connection.recv(PIECE)
-        except OSError as error:
-            raise gone(self.address, error) from None
+            data: bytes = connection.recv(PIECE)
         if not data:
             raise gone(self.address, "it closed the connection: perhaps another host uses it")
         return data
-
-    def close(self) -> None:
-        """End the connection."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
-    def _open(self) -> socket.socket:
-        if self._socket is None:
-            raise closed_error(self.address)
-        return self._socket
 
 
 def open_tcp(address: str) -> TcpDevice:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from swingid.errors import UsageError
-from swingid.live.devices.stream import closed_error, split_address
+from swingid.live.devices.stream import Connection, split_address
 from swingid.live.guard import Board, Readings
 from swingid.live.machine import EMULATED, Machine, most_taken
 from swingid.live.plant import Plant, board_of
@@ -38,7 +38,7 @@ class Device(Protocol):
         """Bytes for the host."""
 
 
-class TwinDevice:
+class TwinDevice(Connection):
     """A device on the twin of a rig.
 
     machine: another device than `Machine`, for tests of firmware. clock: the device's time at its first sample (us).
@@ -47,7 +47,7 @@ class TwinDevice:
     virtual = True
 
     def __init__(self, plant: Plant, board: Board, *, machine: Device | None = None, clock: int = 0) -> None:
-        self.address = f"twin://{plant.rig.name}"
+        super().__init__(plant, f"twin://{plant.rig.name}")
         self.plant = plant
         self.board = board
         self.machine: Device = machine or Machine(board)
@@ -55,11 +55,10 @@ class TwinDevice:
         self._left = 0.0
         self._waiting = self._pending = b""
         self._taken, self._most_taken = 0, most_taken(board)
-        self._closed = False
 
     def write(self, data: bytes) -> None:
         """Bytes from the host; they arrive at once, what is more than a sample takes with the samples after it."""
-        self._require_open()
+        self.require_open()
         self._waiting += data
         self._take()
 
@@ -82,7 +81,7 @@ class TwinDevice:
 
         What a timeout is longer or shorter than whole samples is kept for the next call.
         """
-        self._require_open()
+        self.require_open()
         self._left += max(timeout, 0.0) * self.board.rate
         for _ in range(min(int(self._left + 1e-9), BLOCK)):
             self.step()
@@ -103,13 +102,8 @@ class TwinDevice:
         """Time that has passed (s): a host takes it in the place of its own clock."""
         return self.plant.time
 
-    def close(self) -> None:
+    def end(self, handle: Plant) -> None:
         """End of the connection; the rig hangs as it does."""
-        self._closed = True
-
-    def _require_open(self) -> None:
-        if self._closed:
-            raise closed_error(self.address)
 
 
 def twin_of(rig: Rig, *, rate: float = 1000.0, seed: int = 0, draw: bool = False, clock: int = 0) -> TwinDevice:

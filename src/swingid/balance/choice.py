@@ -79,7 +79,8 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
     Raises UnanswerableError for a log too short for any window.
     """
     searched, signals = _search(signals, equation, noise, BASIS)
-    seen = friction_windows(signals, searched)
+    moments = _moments(signals)
+    seen = friction_windows(signals, searched, moments)
     torque, before = first_torque(signals, seen.rows, equation), np.zeros(0)
     for _ in range(PASSES):
         levels = dry_levels(signals, seen.value)
@@ -91,7 +92,7 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
         tried = _with_further(corrected, tried)
         tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
         law = _longest_of_best(tried)
-        calm = friction_windows(corrected, tried)
+        calm = friction_windows(corrected, tried, moments)
         known = {name: law.value(name) for name in IMPULSES if name in law.unknowns}
         impulse_u = law.uncertainty("memory") if known else impulse
         friction = fit_friction(corrected, calm.rows, equation, known, impulse_u, noise.angle)
@@ -153,7 +154,7 @@ def _with_memory(
     if not remembered or memory == "off":
         return tried, prior[0]
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
-    spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
+    spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(sharpest, signals, "memory")))
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
     impulse = impulse_found(equation, motion, (sharpest.value("memory"), spread), prior, plain.value("coulomb"))
     terms = (impulse.terms or impulses_of(motion)) if memory == "on" else impulse.terms
@@ -251,13 +252,14 @@ def _search(
     return tried, signals
 
 
-def friction_windows(signals: Signals, tried: dict[float, WindowFit]) -> WindowFit:
+def friction_windows(signals: Signals, tried: dict[float, WindowFit], moments: Array) -> WindowFit:
     """The fit with the least variance of friction, averaged over the motion; among equals the longest.
+
+    moments: as `_moments`.
 
     The same principle as for the inertia. Long windows average what depends on the angle, which no law of the speed
     describes; short ones resolve the speeds within one swing, which a decay covers by its many swings.
     """
-    moments = _moments(signals)
     within = [fit for half, fit in tried.items() if half <= ONE_SWING * signals.motion.half_period]
     spread = {fit.half: _torque_variance(fit, moments) for fit in within}
     within = [fit for fit in within if np.isfinite(spread[fit.half])]
@@ -268,14 +270,12 @@ def friction_windows(signals: Signals, tried: dict[float, WindowFit]) -> WindowF
 
 
 def _moments(signals: Signals) -> Array:
-    """Mean products of the terms of BASIS over the motion, computed once."""
-    key = ("moments", float(MOMENTS))
-    if key not in signals.kept:
-        speeds = signals.speed.ravel()
-        speeds = speeds[:: max(1, len(speeds) // MOMENTS)]
-        columns = np.stack([TERMS[name](speeds) for name in BASIS])
-        signals.kept[key] = columns @ columns.T / len(speeds)
-    return signals.kept[key]
+    """Mean products of the terms of BASIS over the motion."""
+    speeds = signals.speed.ravel()
+    speeds = speeds[:: max(1, len(speeds) // MOMENTS)]
+    columns = np.stack([TERMS[name](speeds) for name in BASIS])
+    result: Array = columns @ columns.T / len(speeds)
+    return result
 
 
 def _torque_variance(fit: WindowFit, moments: Array) -> float:

@@ -100,14 +100,12 @@ def late_error(rows: Rows, signals: Signals, values: Mapping[str, float]) -> Arr
 def _keep(rows: Rows, signals: Signals, errors: Sequence[Perturbation]) -> None:
     """Compute the columns ∫φ ∂f/∂channel s of these errors, which depend neither on values nor on turning points."""
     keys, columns = [], []
-    slopes = {}  # of a term at the nodes, the same for all errors
     for error in errors:
         shape, shift = _at_nodes(signals, error)
         for name, order, slope in _slopes(signals, error):
-            if name not in slopes:
-                slopes[name] = slope(signals.angle)
             keys.append((error.source, name))
-            columns.append((shape * slopes[name], order + shift))
+            slope_of_term = signals.slopes[name] if name in signals.slopes else slope(signals.angle)
+            columns.append((shape * slope_of_term, order + shift))
     if keys:
         integrals = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
         rows.kept.update(zip(keys, integrals.T, strict=True))

@@ -16,6 +16,7 @@ from swingid.balance.rows import Rows, Signals, Windows
 from swingid.model.equation import GRAVITY, SOUGHT, Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.numerics.once import once
 from swingid.numerics.regression import Beside, LinearFit, fit_linear
 from swingid.numerics.test_functions import CURVATURE_POWER, SLOPE_POWER, overlaps, rate_overlaps
 from swingid.preparation.noise import Noise
@@ -156,7 +157,7 @@ class WindowFit(NamedFit):
 
     @cached_property
     def kept(self) -> dict[str, Any]:
-        """What follows from this fit and is needed again, by name."""
+        """What the fits of equation error need again, by name."""
         return {}
 
     @property
@@ -286,21 +287,19 @@ def with_fitted(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: i
     return fits
 
 
+@once
 def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit | None:
     """The same windows with the gravity torque an unknown without prior, and all else that is declared propagated.
 
-    None where there are too few rows, and where a further unknown has the regressor of gravity. Computed once.
+    None where there are too few rows, and where a further unknown has the regressor of gravity.
     """
-    if "gravity free" not in fit.kept:
-        free = fit_rows(fit.rows, fit.equation.but(gravity_torque=SOUGHT), fit.noise, fit.friction)
-        if free is not None and np.isfinite(free.fit.condition):
-            # of the stated equation: its clock and tilt act where both gravity torques are compared
-            items = errors_of(free.rows, signals, rig, fit.equation, free.coefficients)
-            others = (item for item in items if item.source != GRAVITY and not item.of.of_noise)
-            effects = tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others)
-            fit.kept["gravity free"] = replace(free, declared=effects)
-    kept: WindowFit | None = fit.kept.setdefault("gravity free", None)
-    return kept
+    free = fit_rows(fit.rows, fit.equation.but(gravity_torque=SOUGHT), fit.noise, fit.friction)
+    if free is None or not np.isfinite(free.fit.condition):
+        return None
+    # of the stated equation: its clock and tilt act where both gravity torques are compared
+    items = errors_of(free.rows, signals, rig, fit.equation, free.coefficients)
+    others = (item for item in items if item.source != GRAVITY and not item.of.of_noise)
+    return replace(free, declared=tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others))
 
 
 def covariance_of(

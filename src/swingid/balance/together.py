@@ -113,7 +113,7 @@ class Together:
 
     def grid(self) -> float:
         """Standard uncertainty of a11 by the grid phase of the encoder, as of `systematics.grid_spread`."""
-        spreads = [grid_spread(run.signals, self.of_log(k, self.law), "inertia") for k, run in enumerate(self.runs)]
+        spreads = [grid_spread(self.of_log(k, self.law), run.signals) for k, run in enumerate(self.runs)]
         return float(np.hypot.reduce(spreads))
 
     def variance_between(self, first: WindowFit, second: WindowFit) -> float:

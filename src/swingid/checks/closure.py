@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from swingid.balance.fits import WindowFit
-from swingid.checks.hypothesis import Evidence, Finding, Judged
+from swingid.checks.hypothesis import Evidence, Finding
 from swingid.errors import UnanswerableError
 from swingid.format import percent
 from swingid.numerics.test_functions import CURVATURE_POWER
@@ -33,7 +33,7 @@ def share_left(law: WindowFit) -> float:
     return float(np.sqrt(excess)) / max(*(float(np.std(term)) for term in terms), 1e-300)
 
 
-def balance_open(evidence: Evidence, judged: Judged) -> list[Finding]:
+def balance_open(evidence: Evidence) -> list[Finding]:
     """Return whether the balance does not close, so that log and rig file do not belong together.
 
     Raises UnanswerableError where it leaves more than `OPEN`.

@@ -35,7 +35,7 @@ PLACE = "torque that depends on the angle"
 """Source of `place_torque` in the budget."""
 
 
-def torque_computed(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+def torque_computed(evidence: Evidence) -> list[Finding] | None:
     """Return whether the torque is a linear function of the angle: computed with it, as a spring in software is."""
     log = evidence.part.log
     if log.torque is None or not np.ptp(log.torque):

@@ -19,7 +19,7 @@ from swingid.balance.fits import LAG, ROUNDING, WindowFit, residuals_beside, wit
 from swingid.balance.perturbations import BENDS
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import gravity_conflict, leaves_no_inertia, left_by_place
-from swingid.checks.hypothesis import Evidence, Finding, Judged
+from swingid.checks.hypothesis import Evidence, Finding
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
 from swingid.model.terms import is_spring, rig_terms
@@ -43,7 +43,7 @@ AS_GOOD = 1.2
 """Ratio of sums of squares up to which two models fit the rows equally well."""
 
 
-def encoders_bent(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+def encoders_bent(evidence: Evidence) -> list[Finding] | None:
     """Return whether an undeclared once-per-turn nonlinearity of the encoders is significant.
 
     Not where gravity is unknown as well, whose column is nearly that of a nonlinearity, not where a torque that depends

@@ -14,6 +14,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints, stretches, sums_at
+from swingid.numerics.once import once
 from swingid.numerics.quadrature import GaussNodes, gauss_rule, lagrange
 
 POWER = 3
@@ -28,6 +29,10 @@ AT_ONCE, CACHED = 1 << 15, 1 << 14
 
 KEPT = 5 << 19
 """Nodes of windows up to which test functions are kept for further signals, of all windows on the nodes of a log."""
+
+
+APART = 1e-12
+"""Overlap of two windows that is rounding: they are one length apart."""
 
 
 def phi(s: Array, order: int) -> Array:
@@ -238,9 +243,12 @@ def project_steps(edges: Array, levels: Array, centres: Array, half: Array) -> A
 
 
 def project_impulses(instants: Array, strengths: Array, centres: Array, half: Array) -> Array:
-    """Σ_j strengths_j φ(t_j): the modulated integral of impulses at rising `instants`."""
+    """Σ_j strengths_j φ(t_j) of impulses at rising `instants`: (windows,), or of several (n, instants) (n, windows)."""
     which, at, s = _pairs(instants, centres, half)
-    return sums_at(which, strengths[at] * phi(s, 0), len(centres))
+    each = strengths[..., at] * phi(s, 0)
+    if strengths.ndim == 1:
+        return sums_at(which, each, len(centres))
+    return np.array([sums_at(which, row, len(centres)) for row in each])
 
 
 def curvature_overlap(distance: Array, gravity: float = 0.0) -> Array:
@@ -261,7 +269,10 @@ def overlap_terms(distance: Array) -> tuple[Array, Array, Array]:
 
 
 def neighbour_overlaps(centres: Array, half: Array, lags: int) -> Array:
-    """`overlap_terms` of each window with itself and the ones after it, (3, lags, windows), 0 behind the last."""
+    """`overlap_terms` of each window with itself and the ones after it, (3, lags, windows), 0 behind the last.
+
+    Of at most so many lags: those beyond which no windows overlap are left out.
+    """
     grid, tables = _overlap_table()
     beyond = np.full(lags - 1, np.inf)  # windows behind the last are far away
     later = stretches(np.concatenate([centres, beyond]), len(centres))
@@ -271,7 +282,8 @@ def neighbour_overlaps(centres: Array, half: Array, lags: int) -> Array:
     place -= k
     result: Array = tables[:, k]
     result += place * (tables[:, 1:] - tables[:, :-1])[:, k]
-    return result
+    overlapping = np.flatnonzero(np.abs(result).max(axis=(0, 2), initial=0.0) > APART)
+    return result[:, : 1 + int(overlapping.max(initial=0))]
 
 
 def _overlap_sums(weights: Array, neighbours: Array, reach: int) -> Array:
@@ -332,16 +344,22 @@ def _overlap_table() -> tuple[Array, Array]:
     return grid, np.stack([(weights * product).sum(axis=1) for product in products])
 
 
+@once
+def _among_knots(nodes: GaussNodes, signal: Array, knots: Array) -> tuple[Ints, Array]:
+    """The interval of the knots in which each value of a signal at the nodes is, and its place there from 0 to 1."""
+    values = signal.ravel()
+    place = np.minimum(np.maximum(np.searchsorted(knots, values) - 1, 0), len(knots) - 2)
+    share = (values - knots[place]) / np.diff(knots)[place]
+    return place, np.clip(share, 0.0, 1.0, out=share)
+
+
 def project_hats(nodes: GaussNodes, signal: Array, knots: Array, centres: Array, half: Array) -> Array:
     """∫φ Λ_j(x) dt for the hat functions Λ_j on rising `knots`; returns (windows, knots).
 
     The modulated integral of any function f(x) is then ``hats @ f(knots)``, up to its piecewise linear interpolation.
     Values of x beyond the knots count for the outermost one.
     """
-    values, steps = signal.ravel(), nodes.flat[1]
-    place = np.minimum(np.maximum(np.searchsorted(knots, values) - 1, 0), len(knots) - 2)
-    share = (values - knots[place]) / np.diff(knots)[place]
-    np.clip(share, 0.0, 1.0, out=share)
+    (place, share), steps = _among_knots(nodes, signal, knots), nodes.flat[1]
     result = np.empty((len(centres), len(knots)))
     for k in _portions(nodes, half, CACHED):
         tests = _Places.of(nodes, centres[k], half[k])

@@ -137,11 +137,11 @@ def _estimate(evidence: Evidence) -> _Estimate:
         if fitted is not None:
             fit = with_declared(fitted, evidence.part.rig, signals)
             covariance = fit.covariance.copy()
-            covariance[0, 0] += grid_spread(signals, fit, "inertia") ** 2
+            covariance[0, 0] += grid_spread(fit, signals) ** 2
             covariance[0, 0] += _asymmetry(fit, law) ** 2 if name == "even" else 0.0
             others[name] = replace(fit, covariance=covariance)
     common = {
-        "place of the encoder's grid": grid_spread(signals, law, "inertia"),
+        "place of the encoder's grid": grid_spread(law, signals),
         TIMING: timing_spread(law, evidence.choice.impulse),
         "drift with the length of the windows": drift_with_length(law, evidence.choice.tried, signals),
     }

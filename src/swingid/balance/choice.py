@@ -13,10 +13,10 @@ import numpy as np
 
 from swingid.balance.delays import dry_levels, late_reversals
 from swingid.balance.errors import bends, late_error
-from swingid.balance.fits import BASIS, LAG, SLIGHT, WindowFit, fit_rows, residuals_beside, with_declared
+from swingid.balance.fits import BASIS, WindowFit, fit_rows, residuals_beside, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import NEAR_REST, TERMS, with_near_rest
-from swingid.balance.lengths import search
+from swingid.balance.lengths import each, search
 from swingid.balance.reversals import IMPULSES, impulse_found, impulses_expected, impulses_of
 from swingid.balance.rows import Rows, Signals, retimed, rows_of
 from swingid.balance.slow import SlowKind, slow_kinds, with_slow
@@ -82,6 +82,10 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
     moments = _moments(signals)
     seen = friction_windows(signals, searched, moments)
     torque, before = first_torque(signals, seen.rows, equation), np.zeros(0)
+
+    def declared(fit: WindowFit) -> WindowFit:
+        return with_declared(fit, rig, corrected)
+
     for _ in range(PASSES):
         levels = dry_levels(signals, seen.value)
         late = late_reversals(signals, torque, abs(seen.a11), noise, levels)
@@ -90,7 +94,7 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
         prior = impulses_expected(signals.motion, late, torque, levels)
         tried, impulse = _with_memory(corrected, rows, equation, noise, prior, memory)
         tried = _with_further(corrected, tried)
-        tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
+        tried = each(tried, declared)
         law = _longest_of_best(tried)
         calm = friction_windows(corrected, tried, moments)
         known = {name: law.value(name) for name in IMPULSES if name in law.unknowns}
@@ -101,7 +105,7 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
             break
         torque, before = friction.torque, late
     kinds = slow_kinds(calm, corrected, _other_causes(calm, corrected))
-    changing = _changing(tried, kinds, corrected, rig)
+    changing = each(each(tried, lambda fit: with_slow(fit, corrected, kinds)), declared) if kinds else {}
     if changing:
         tried, law = changing, _longest_of_best(changing)
     return Choice(law, tried, corrected, impulse, friction, kinds if changing else ())
@@ -117,14 +121,6 @@ def _longest_of_best(tried: dict[float, WindowFit]) -> WindowFit:
             code="not-identifiable",
         )
     return max((fit for fit in tried.values() if fit.relative(fit.total) <= FLAT * least), key=lambda fit: fit.half)
-
-
-def _changing(
-    tried: dict[float, WindowFit], kinds: tuple[SlowKind, ...], signals: Signals, rig: Rig
-) -> dict[float, WindowFit]:
-    """The fits with slow changes of these kinds as unknowns; empty for none."""
-    slow = {half: with_slow(fit, signals, kinds) for half, fit in tried.items()} if kinds else {}
-    return {half: with_declared(fit, rig, signals) for half, fit in slow.items() if fit is not None}
 
 
 def _other_causes(fit: WindowFit, signals: Signals) -> Iterator[Array]:
@@ -147,10 +143,10 @@ def _with_memory(
 
     It is an unknown by the rule of `impulse_found`; its uncertainty includes the grid phase.
     """
-    motion, tried = signals.motion, _fits(rows, equation, noise, BASIS)
+    motion, tried = signals.motion, each(rows, lambda of_half: fit_rows(of_half, equation, noise, BASIS))
     # over a whole swing and more, an impulse at each reversal looks like inertia
     short = {half: rows_of_half for half, rows_of_half in rows.items() if half < ONE_SWING * motion.half_period}
-    remembered = _fits(short, equation, noise, (*BASIS, "memory"))
+    remembered = each(short, lambda of_half: fit_rows(of_half, equation, noise, (*BASIS, "memory")))
     if not remembered or memory == "off":
         return tried, prior[0]
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
@@ -160,7 +156,9 @@ def _with_memory(
     terms = (impulse.terms or impulses_of(motion)) if memory == "on" else impulse.terms
     if not terms:
         return tried, impulse.left
-    return remembered if terms == ("memory",) else _fits(short, equation, noise, (*BASIS, *terms)), impulse.left
+    if terms != ("memory",):
+        remembered = each(short, lambda of_half: fit_rows(of_half, equation, noise, (*BASIS, *terms)))
+    return remembered, impulse.left
 
 
 def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
@@ -171,9 +169,8 @@ def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float
     taken.
     """
     plain = min(tried.values(), key=lambda fit: fit.relative(fit.u))
-    if _lost(plain) < SLIGHT**2 * float(plain.known @ plain.known):
+    if plain.is_exact:
         return tried
-    independent = len(plain.rows.windows) / (LAG / 2)
     rows, fits = with_near_rest(signals, plain.rows), {}
     for terms, level in FURTHER.items():
         fit = _beside(plain, rows, terms)
@@ -181,14 +178,13 @@ def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float
             fits[terms] = fit
     if not fits:
         return tried
-    score = {terms: bayesian(_lost(fit), len(terms), independent) for terms, fit in fits.items()}
+    score = {terms: bayesian(fit.lost, len(terms), plain.independent) for terms, fit in fits.items()}
     terms = min(score, key=lambda name: score[name])
     for columns in _errors_of_angles(plain, signals):
         least = float(np.sum(residuals_beside(plain, columns) ** 2))
-        if bayesian(least, columns.shape[1], independent) < score[terms]:
+        if bayesian(least, columns.shape[1], plain.independent) < score[terms]:
             return tried
-    extended = {half: _beside(fit, with_near_rest(signals, fit.rows), terms) for half, fit in tried.items()}
-    return {half: fit for half, fit in extended.items() if fit is not None}
+    return each(tried, lambda fit: _beside(fit, with_near_rest(signals, fit.rows), terms))
 
 
 def _beside(fit: WindowFit, rows: Rows, terms: tuple[str, ...]) -> WindowFit | None:
@@ -204,13 +200,7 @@ def _dissipates(fit: WindowFit) -> bool:
 
 def gain(plain: WindowFit, more: WindowFit) -> float:
     """Fall of −2 log likelihood from a fit to one of the same rows with further terms, see `FURTHER`."""
-    independent = len(plain.rows.windows) / (LAG / 2)
-    return misfit(_lost(plain), independent) - misfit(_lost(more), independent)
-
-
-def _lost(fit: WindowFit) -> float:
-    """Sum of the squared residuals."""
-    return float(np.sum(fit.fit.residuals**2))
+    return misfit(plain.lost, plain.independent) - misfit(more.lost, plain.independent)
 
 
 def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:
@@ -220,13 +210,6 @@ def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:
     if not fit.equation.driven:
         return errors
     return [*errors, late_error(fit.rows, signals, fit.coefficients)[:, None]]
-
-
-def _fits(
-    rows: dict[float, Rows], equation: Equation, noise: Noise, friction: tuple[str, ...]
-) -> dict[float, WindowFit]:
-    fits = {half: fit_rows(rows_of_half, equation, noise, friction) for half, rows_of_half in rows.items()}
-    return {half: fit for half, fit in fits.items() if fit is not None}
 
 
 def _search(

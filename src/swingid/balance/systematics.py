@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.fits import (
-    SLIGHT,
     WindowFit,
     fit_rows,
     residuals_beside,
@@ -179,9 +178,8 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     by_drive = dark_uncertainty(free.a11 - law.a11, variance, u)
     if not stated or free.value("gravity_torque") <= 0:  # of which no scale of the drive makes the one stated
         return by_drive
-    k, gravity = free.unknowns.index("gravity_torque"), rig.axis.gravity_torque
-    ratio = free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)
-    ratio += 0.0 if isinstance(gravity, str) else (gravity.std or 0.0) ** 2
+    gravity = rig.axis.gravity_torque
+    ratio = free.total_of("gravity_torque") ** 2 + (0.0 if isinstance(gravity, str) else (gravity.std or 0.0) ** 2)
     # a11 is in proportion to the gravity torque, to first order
     by_gravity = free.a11 - law.a11 - law.a11 * (free.value("gravity_torque") / stated - 1.0)
     variance += ratio * (law.a11 / stated) ** 2
@@ -263,7 +261,7 @@ def attenuation(fit: WindowFit) -> float:
     gravity, fit any log, and errors draw the fit there.
     """
     influence = fit.fit.influence[0]
-    return float(fit.fit.residuals @ fit.fit.residuals) * float(influence @ influence) / max(abs(fit.a11), 1e-300)
+    return fit.lost * float(influence @ influence) / max(abs(fit.a11), 1e-300)
 
 
 @once
@@ -292,14 +290,13 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
     best: dict[str, tuple[float, WindowFit, Array]] = {}
     fits: list[PlaceFit] = []
     for fit in (law, *(fit for fit in tried if fit is not law)):
-        power, lack = float(fit.known @ fit.known), float(fit.fit.residuals @ fit.fit.residuals)
-        if fit.half < SHORTEST * law.half or lack < SLIGHT**2 * power:
+        if fit.half < SHORTEST * law.half or fit.is_exact:
             continue
         kinds = shape_columns(fit, signals)
         columns = np.concatenate(list(kinds.values()), axis=1)
         alone = np.linalg.norm(fit.beside(columns).rest, axis=0)
         change = np.abs(fit.fit.influence[0] @ columns) / np.maximum(alone, 1e-300)
-        change *= float(np.sqrt(lack / len(columns))) / max(abs(fit.a11), 1e-300)
+        change *= float(np.sqrt(fit.lost / len(columns))) / max(abs(fit.a11), 1e-300)
         edges = np.cumsum([of_kind.shape[1] for of_kind in kinds.values()])[:-1]
         for (kind, of_kind), uncertain in zip(kinds.items(), map(np.sum, np.split(change, edges)), strict=True):
             if kind not in best or uncertain < best[kind][0]:

@@ -17,7 +17,7 @@ import numpy as np
 from swingid.balance.choice import FLAT, FURTHER, gain
 from swingid.balance.errors import channel_errors, constant_error
 from swingid.balance.fits import BASIS, WindowFit, fit_rows, with_errors
-from swingid.balance.lengths import search
+from swingid.balance.lengths import each, search
 from swingid.balance.motor_on_axis import is_open, volts, with_motor
 from swingid.balance.perturbations import RowError, of_channels, of_constants
 from swingid.balance.rows import Rows, Signals, Windows, rows_of
@@ -144,7 +144,7 @@ def fit_together(runs: Sequence[Run], equation: Equation, friction: tuple[str, .
             code="too-short",
         )
     tried = _with_cubic(tried)
-    tried = {length: _declared(fit, runs) for length, fit in tried.items()}
+    tried = each(tried, lambda fit: with_errors(fit, declared_of(fit, runs)))
     reach = {half: fit.relative(fit.total) * coverage_factor(fit.freedom) for half, fit in tried.items()}
     law = tried[max(half for half in tried if reach[half] <= FLAT * min(reach.values()))]
     return Together(tuple(runs), law, tried)
@@ -231,13 +231,8 @@ def _with_cubic(tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
     more = fit_rows(plain.rows, plain.equation, plain.noise, (*plain.friction, "cubic"))
     if more is None or not gain(plain, more) > FURTHER["cubic",]:
         return tried
-    cubic = {half: fit_rows(fit.rows, fit.equation, fit.noise, (*fit.friction, "cubic")) for half, fit in tried.items()}
-    return {half: replace(fit, half=half) for half, fit in cubic.items() if fit is not None}
-
-
-def _declared(fit: WindowFit, runs: Sequence[Run]) -> WindowFit:
-    """The fit with the effect of every declared imperfection, as `fits.with_declared`."""
-    return with_errors(fit, declared_of(fit, runs))
+    cubic = each(tried, lambda fit: fit_rows(fit.rows, fit.equation, fit.noise, (*fit.friction, "cubic")))
+    return {half: replace(fit, half=half) for half, fit in cubic.items()}
 
 
 def declared_of(fit: WindowFit, runs: Sequence[Run]) -> list[RowError]:

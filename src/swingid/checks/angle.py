@@ -234,7 +234,7 @@ def zero_off(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     zero, unless = _offset(law, signals), ""
     if not (zero.certain and judged.matters(zero.a11 - law.a11, "angle")):
         zero = _offset(law, signals, without="viscous_even")
-        if not zero.certain or zero.left > AS_GOOD * float(law.fit.residuals @ law.fit.residuals):
+        if not zero.certain or zero.left > AS_GOOD * law.lost:
             return []
         unless = ", unless it is friction that depends on the direction, which is not distinguishable in this motion"
     centre = None if _is_driven(law) else centre_of(signals.motion.turning_angles)
@@ -260,7 +260,7 @@ def zero_entry(evidence: Evidence, u: float) -> float:
     if not law.equation.value("gravity_torque") or signals.linear or not _is_driven(law):
         return 0.0
     plain, other = _offset(law, signals), _offset(law, signals, without="viscous_even")
-    as_good = other.left <= AS_GOOD * float(law.fit.residuals @ law.fit.residuals)
+    as_good = other.left <= AS_GOOD * law.lost
     return max(offset.unexplained(law.a11, u) for offset in ((plain, other) if as_good else (plain,)))
 
 

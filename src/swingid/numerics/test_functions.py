@@ -31,8 +31,8 @@ KEPT = 5 << 19
 """Nodes of windows up to which test functions are kept for further signals, of all windows on the nodes of a log."""
 
 
-APART = 1e-12
-"""Overlap of two windows that is rounding: they are one length apart."""
+APART = 1e-9
+"""Share of its length by which a window may overlap another that is one length apart, by rounding."""
 
 
 def phi(s: Array, order: int) -> Array:
@@ -256,20 +256,14 @@ def curvature_overlap(distance: Array, gravity: float = 0.0) -> Array:
 
     gravity: b cos q1 L²/a11, what noise of the angle does through ∫φ b sin q1 beside a11 ∫φ'' q1.
     """
-    curved, crossed, plain = overlap_terms(distance)
+    grid, table = _overlap_table()
+    curved, crossed, plain = (np.interp(np.abs(distance), grid, values) for values in table)
     result: Array = curved + gravity * (2 * crossed + gravity * plain)
     return result
 
 
-def overlap_terms(distance: Array) -> tuple[Array, Array, Array]:
-    """∫φ''(s) φ''(s − d) ds, ∫φ''(s) φ(s − d) ds and ∫φ(s) φ(s − d) ds, for d half-lengths (any shape)."""
-    grid, table = _overlap_table()
-    curved, crossed, plain = (np.interp(np.abs(distance), grid, values) for values in table)
-    return curved, crossed, plain
-
-
 def neighbour_overlaps(centres: Array, half: Array, lags: int) -> Array:
-    """`overlap_terms` of each window with itself and the ones after it, (3, lags, windows), 0 behind the last.
+    """∫φ''φ'', ∫φ''φ and ∫φφ of each window with itself and the ones after it, (3, lags, windows), 0 behind the last.
 
     Of at most so many lags: those beyond which no windows overlap are left out.
     """
@@ -278,12 +272,13 @@ def neighbour_overlaps(centres: Array, half: Array, lags: int) -> Array:
     later = stretches(np.concatenate([centres, beyond]), len(centres))
     halves = stretches(np.concatenate([half, np.ones(lags - 1)]), len(centres))
     place = np.minimum(np.abs(later - centres) / (halves * grid[1]), len(grid) - 1.0)
+    overlapping = np.flatnonzero(place.min(axis=1, initial=len(grid)) < (1.0 - APART) * (len(grid) - 1.0))
+    place = place[: 1 + int(overlapping.max(initial=0))]
     k = np.minimum(place.astype(np.int64), len(grid) - 2)
     place -= k
     result: Array = tables[:, k]
     result += place * (tables[:, 1:] - tables[:, :-1])[:, k]
-    overlapping = np.flatnonzero(np.abs(result).max(axis=(0, 2), initial=0.0) > APART)
-    return result[:, : 1 + int(overlapping.max(initial=0))]
+    return result
 
 
 def _overlap_sums(weights: Array, neighbours: Array, reach: int) -> Array:

@@ -7,7 +7,7 @@ method uses: `Encoders` contains the latency that is to be corrected, 0 where it
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -103,13 +103,17 @@ class Encoders:
         if log is None:
             return declared
         delay = 0.0 if rig.sensors.says_latency else DELAY / log.rate
-        declared = replace(declared, **{declared.last: replace(declared.of_channel(declared.last), delay=delay)})
+        declared = declared.changed(declared.last, delay=delay)
         return declared.on_time() if LATENCY in log.repairs_off else declared
 
     def with_latency(self, channel: Channel, value: float, std: float | None) -> Encoders:
         """The same with another latency (s) of one channel."""
-        changed = replace(self.of_channel(channel), latency=Quantity(value, std))
-        return replace(self, **{channel: changed})
+        return self.changed(channel, latency=Quantity(value, std))
+
+    def changed(self, channel: Channel, **changes: Any) -> Encoders:
+        """The same with changes of the encoder of one channel."""
+        sensor = replace(self.of_channel(channel), **changes)
+        return replace(self, angle=sensor) if channel == "angle" else replace(self, wheel=sensor)
 
     def on_time(self) -> Encoders:
         """The same without latencies, as after their correction; their uncertainty stays."""
@@ -170,7 +174,8 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
     if done or REPAIR in log.repairs_off:
         return log
     log = _polled(log, encoders.wheel)
-    sizes, true = [], {}
+    sizes: list[str] = []
+    true: dict[str, Any] = {}
     for name, field, sensor in (("angle", "angle", encoders.angle), ("wheel", "wheel_angle", encoders.wheel)):
         readings, (alpha, beta) = getattr(log, field), (sensor.cosine.value, sensor.sine.value)
         if readings is not None and (alpha or beta):

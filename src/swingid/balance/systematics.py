@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from swingid.model.equation import GRAVITY
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.once import once
-from swingid.numerics.test_functions import project, superpose, superposed
+from swingid.numerics.test_functions import project_stacked, superpose, superposed
 from swingid.preparation.noise import Noise
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import CERTAIN, INDICATED
@@ -264,7 +265,6 @@ def attenuation(fit: WindowFit) -> float:
     return fit.lost * float(influence @ influence) / max(abs(fit.a11), 1e-300)
 
 
-@once
 def _shapes(signals: Signals) -> dict[str, list[Array]]:
     """Evaluate at the nodes the torques of each kind that depends on the angle; of a linear axis the powers of its
     place.
@@ -309,13 +309,19 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
 
 
 @once
+def _stacked(signals: Signals) -> tuple[dict[str, int], Array]:
+    """The kinds of torques with their numbers of shapes, and all shapes (n, nodes)."""
+    shapes = _shapes(signals)
+    return {kind: len(each) for kind, each in shapes.items()}, np.stack([x.ravel() for x in chain(*shapes.values())])
+
+
+@once
 def shape_columns(fit: WindowFit, signals: Signals) -> dict[str, Array]:
     """∫φ T (windows, n) of each kind of torque T that depends on the angle, on the windows of a fit."""
-    shapes, windows = _shapes(signals), fit.rows.windows
-    each = [(x, 0) for kind in shapes.values() for x in kind]
-    columns = project(signals.nodes, each, windows.centres, windows.half)
-    edges = np.cumsum([len(kind) for kind in shapes.values()])[:-1]
-    return dict(zip(shapes, np.split(columns, edges, axis=1), strict=True))
+    (counts, stacked), windows = _stacked(signals), fit.rows.windows
+    plain = np.zeros(len(stacked), dtype=np.int64)
+    columns = project_stacked(signals.nodes, stacked, plain, windows.centres, windows.half)
+    return dict(zip(counts, np.split(columns, np.cumsum(list(counts.values()))[:-1], axis=1), strict=True))
 
 
 def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:

@@ -176,7 +176,7 @@ def project_stacked(nodes: GaussNodes, stacked: Array, orders: Ints, centres: Ar
     """Project as `project` signals that were stacked once for many calls: (signals, nodes) with nodes in one row."""
     result = np.empty((len(centres), len(orders)))
     groups = [(order, (orders == order).nonzero()[0]) for order in sorted(set(orders.tolist()))]
-    signals = [np.ascontiguousarray(stacked[places]) for _, places in groups]
+    signals = [stacked if len(groups) == 1 else stacked[places] for _, places in groups]
     for k in _portions(nodes, half, AT_ONCE):
         tests = _tests_of(nodes, centres[k], half[k])
         for (order, places), values in zip(groups, signals, strict=True):

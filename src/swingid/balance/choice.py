@@ -16,7 +16,7 @@ from swingid.balance.errors import bends, late_error
 from swingid.balance.fits import BASIS, WindowFit, fit_rows, residuals_beside, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import NEAR_REST, TERMS, with_near_rest
-from swingid.balance.lengths import each, search
+from swingid.balance.lengths import each, longest_of_best, search
 from swingid.balance.reversals import IMPULSES, impulse_found, impulses_expected, impulses_of
 from swingid.balance.rows import Rows, Signals, retimed, rows_of
 from swingid.balance.slow import SlowKind, slow_kinds, with_slow
@@ -113,14 +113,14 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
 
 def _longest_of_best(tried: dict[float, WindowFit]) -> WindowFit:
     """The fit on the longest windows of about the least relative uncertainty."""
-    least = min(filter(np.isfinite, (fit.relative(fit.total) for fit in tried.values())), default=None)
-    if least is None:
+    law = longest_of_best(tried.values(), lambda fit: fit.relative(fit.total), FLAT)
+    if law is None:
         raise UnanswerableError(
             "no fit of the log has a finite uncertainty, so it does not determine the inertia; record a larger motion, "
             "or leave out the parts in which nothing moves (--part).",
             code="not-identifiable",
         )
-    return max((fit for fit in tried.values() if fit.relative(fit.total) <= FLAT * least), key=lambda fit: fit.half)
+    return law
 
 
 def _other_causes(fit: WindowFit, signals: Signals) -> Iterator[Array]:
@@ -238,18 +238,13 @@ def _search(
 def friction_windows(signals: Signals, tried: dict[float, WindowFit], moments: Array) -> WindowFit:
     """The fit with the least variance of friction, averaged over the motion; among equals the longest.
 
-    moments: as `_moments`.
-
     The same principle as for the inertia. Long windows average what depends on the angle, which no law of the speed
-    describes; short ones resolve the speeds within one swing, which a decay covers by its many swings.
+    describes; short ones resolve the speeds within one swing, which a decay covers by its many swings. moments: as
+    `_moments`.
     """
-    within = [fit for half, fit in tried.items() if half <= ONE_SWING * signals.motion.half_period]
-    spread = {fit.half: _torque_variance(fit, moments) for fit in within}
-    within = [fit for fit in within if np.isfinite(spread[fit.half])]
-    if not within:
-        return min(tried.values(), key=lambda fit: fit.half)
-    least = min(spread[fit.half] for fit in within)
-    return max((fit for fit in within if spread[fit.half] <= CALM**2 * least), key=lambda fit: fit.half)
+    within = (fit for half, fit in tried.items() if half <= ONE_SWING * signals.motion.half_period)
+    calm = longest_of_best(within, lambda fit: _torque_variance(fit, moments), CALM**2)
+    return min(tried.values(), key=lambda fit: fit.half) if calm is None else calm
 
 
 def _moments(signals: Signals) -> Array:

@@ -9,7 +9,7 @@ the drag together, although each of them alone determines their ratio only.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from swingid.balance.choice import FLAT, FURTHER, gain
 from swingid.balance.errors import channel_errors, constant_error
 from swingid.balance.fits import BASIS, WindowFit, fit_rows, with_errors
-from swingid.balance.lengths import each, search
+from swingid.balance.lengths import each, longest_of_best, search
 from swingid.balance.motor_on_axis import is_open, volts, with_motor
 from swingid.balance.perturbations import RowError, of_channels, of_constants
 from swingid.balance.rows import Rows, Signals, Windows, rows_of
@@ -26,6 +26,7 @@ from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
 from swingid.model.equation import VOLTAGE_SCALE, Coefficient, Constant, Equation
 from swingid.numerics.arrays import Array
+from swingid.numerics.once import once
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.noise import Noise
@@ -55,7 +56,6 @@ class Run:
     part: Part
     signals: Signals
     added: Quantity
-    kept: dict[float, Rows] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(cls, name: str, part: Part, added: Quantity) -> Run:
@@ -63,17 +63,16 @@ class Run:
         signals = Signals.of(part.log, part.rig, part.motion, part.encoders, longest=_block(part))
         return cls(name, part, signals, added)
 
+    @once
     def rows(self, half: float) -> Rows:
-        """The rows on windows of half-length `half` (s), with the terms of its own drive and body; computed once."""
-        if half not in self.kept:
-            signals = self.signals.suited(half)
-            windows = law_windows(signals, half)
-            if self.part.rig.drive.channel == "voltage":
-                rows = with_motor(rows_of(signals, _in_motion(windows, signals)), signals)
-            else:
-                rows = rows_of(signals, windows)
-            self.kept[half] = rows.beside({body_name(self.added): rows["inertia"]} if self.added.value else {})
-        return self.kept[half]
+        """The rows on windows of half-length `half` (s), with the terms of its own drive and body."""
+        signals = self.signals.suited(half)
+        windows = law_windows(signals, half)
+        if self.part.rig.drive.channel == "voltage":
+            rows = with_motor(rows_of(signals, _in_motion(windows, signals)), signals)
+        else:
+            rows = rows_of(signals, windows)
+        return rows.beside({body_name(self.added): rows["inertia"]} if self.added.value else {})
 
 
 def _in_motion(windows: Windows, signals: Signals) -> Windows:
@@ -145,8 +144,8 @@ def fit_together(runs: Sequence[Run], equation: Equation, friction: tuple[str, .
         )
     tried = _with_cubic(tried)
     tried = each(tried, lambda fit: with_errors(fit, declared_of(fit, runs)))
-    reach = {half: fit.relative(fit.total) * coverage_factor(fit.freedom) for half, fit in tried.items()}
-    law = tried[max(half for half in tried if reach[half] <= FLAT * min(reach.values()))]
+    law = longest_of_best(tried.values(), lambda fit: fit.relative(fit.total) * coverage_factor(fit.freedom), FLAT)
+    law = tried[max(tried)] if law is None else law
     return Together(tuple(runs), law, tried)
 
 

@@ -68,7 +68,7 @@ class Run:
         """The rows on windows of half-length `half` (s), with the terms of its own drive and body."""
         signals = self.signals.suited(half)
         windows = law_windows(signals, half)
-        if self.part.rig.drive.channel == "voltage":
+        if "torque_per_volt" in self.part.equation.terms:
             rows = with_motor(rows_of(signals, _in_motion(windows, signals)), signals)
         else:
             rows = rows_of(signals, windows)

@@ -13,10 +13,10 @@ import numpy as np
 
 from swingid.balance.delays import dry_levels, late_reversals
 from swingid.balance.errors import bends, late_error
-from swingid.balance.fits import BASIS, LAG, SLIGHT, WindowFit, fit_rows, residuals_beside, with_declared
+from swingid.balance.fits import BASIS, WindowFit, fit_rows, residuals_beside, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import NEAR_REST, TERMS, with_near_rest
-from swingid.balance.lengths import search
+from swingid.balance.lengths import each, longest_of_best, search
 from swingid.balance.reversals import IMPULSES, impulse_found, impulses_expected, impulses_of
 from swingid.balance.rows import Rows, Signals, retimed, rows_of
 from swingid.balance.slow import SlowKind, slow_kinds, with_slow
@@ -79,8 +79,13 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
     Raises UnanswerableError for a log too short for any window.
     """
     searched, signals = _search(signals, equation, noise, BASIS)
-    seen = friction_windows(signals, searched)
+    moments = _moments(signals)
+    seen = friction_windows(signals, searched, moments)
     torque, before = first_torque(signals, seen.rows, equation), np.zeros(0)
+
+    def declared(fit: WindowFit) -> WindowFit:
+        return with_declared(fit, rig, corrected)
+
     for _ in range(PASSES):
         levels = dry_levels(signals, seen.value)
         late = late_reversals(signals, torque, abs(seen.a11), noise, levels)
@@ -89,9 +94,9 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
         prior = impulses_expected(signals.motion, late, torque, levels)
         tried, impulse = _with_memory(corrected, rows, equation, noise, prior, memory)
         tried = _with_further(corrected, tried)
-        tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
+        tried = each(tried, declared)
         law = _longest_of_best(tried)
-        calm = friction_windows(corrected, tried)
+        calm = friction_windows(corrected, tried, moments)
         known = {name: law.value(name) for name in IMPULSES if name in law.unknowns}
         impulse_u = law.uncertainty("memory") if known else impulse
         friction = fit_friction(corrected, calm.rows, equation, known, impulse_u, noise.angle)
@@ -100,7 +105,7 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
             break
         torque, before = friction.torque, late
     kinds = slow_kinds(calm, corrected, _other_causes(calm, corrected))
-    changing = _changing(tried, kinds, corrected, rig)
+    changing = each(each(tried, lambda fit: with_slow(fit, corrected, kinds)), declared) if kinds else {}
     if changing:
         tried, law = changing, _longest_of_best(changing)
     return Choice(law, tried, corrected, impulse, friction, kinds if changing else ())
@@ -108,22 +113,14 @@ def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory:
 
 def _longest_of_best(tried: dict[float, WindowFit]) -> WindowFit:
     """The fit on the longest windows of about the least relative uncertainty."""
-    least = min(filter(np.isfinite, (fit.relative(fit.total) for fit in tried.values())), default=None)
-    if least is None:
+    law = longest_of_best(tried.values(), lambda fit: fit.relative(fit.total), FLAT)
+    if law is None:
         raise UnanswerableError(
             "no fit of the log has a finite uncertainty, so it does not determine the inertia; record a larger motion, "
             "or leave out the parts in which nothing moves (--part).",
             code="not-identifiable",
         )
-    return max((fit for fit in tried.values() if fit.relative(fit.total) <= FLAT * least), key=lambda fit: fit.half)
-
-
-def _changing(
-    tried: dict[float, WindowFit], kinds: tuple[SlowKind, ...], signals: Signals, rig: Rig
-) -> dict[float, WindowFit]:
-    """The fits with slow changes of these kinds as unknowns; empty for none."""
-    slow = {half: with_slow(fit, signals, kinds) for half, fit in tried.items()} if kinds else {}
-    return {half: with_declared(fit, rig, signals) for half, fit in slow.items() if fit is not None}
+    return law
 
 
 def _other_causes(fit: WindowFit, signals: Signals) -> Iterator[Array]:
@@ -146,20 +143,22 @@ def _with_memory(
 
     It is an unknown by the rule of `impulse_found`; its uncertainty includes the grid phase.
     """
-    motion, tried = signals.motion, _fits(rows, equation, noise, BASIS)
+    motion, tried = signals.motion, each(rows, lambda of_half: fit_rows(of_half, equation, noise, BASIS))
     # over a whole swing and more, an impulse at each reversal looks like inertia
     short = {half: rows_of_half for half, rows_of_half in rows.items() if half < ONE_SWING * motion.half_period}
-    remembered = _fits(short, equation, noise, (*BASIS, "memory"))
+    remembered = each(short, lambda of_half: fit_rows(of_half, equation, noise, (*BASIS, "memory")))
     if not remembered or memory == "off":
         return tried, prior[0]
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
-    spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
+    spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(sharpest, signals, "memory")))
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
     impulse = impulse_found(equation, motion, (sharpest.value("memory"), spread), prior, plain.value("coulomb"))
     terms = (impulse.terms or impulses_of(motion)) if memory == "on" else impulse.terms
     if not terms:
         return tried, impulse.left
-    return remembered if terms == ("memory",) else _fits(short, equation, noise, (*BASIS, *terms)), impulse.left
+    if terms != ("memory",):
+        remembered = each(short, lambda of_half: fit_rows(of_half, equation, noise, (*BASIS, *terms)))
+    return remembered, impulse.left
 
 
 def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
@@ -170,9 +169,8 @@ def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float
     taken.
     """
     plain = min(tried.values(), key=lambda fit: fit.relative(fit.u))
-    if _lost(plain) < SLIGHT**2 * float(plain.known @ plain.known):
+    if plain.is_exact:
         return tried
-    independent = len(plain.rows.windows) / (LAG / 2)
     rows, fits = with_near_rest(signals, plain.rows), {}
     for terms, level in FURTHER.items():
         fit = _beside(plain, rows, terms)
@@ -180,14 +178,13 @@ def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float
             fits[terms] = fit
     if not fits:
         return tried
-    score = {terms: bayesian(_lost(fit), len(terms), independent) for terms, fit in fits.items()}
+    score = {terms: bayesian(fit.lost, len(terms), plain.independent) for terms, fit in fits.items()}
     terms = min(score, key=lambda name: score[name])
     for columns in _errors_of_angles(plain, signals):
         least = float(np.sum(residuals_beside(plain, columns) ** 2))
-        if bayesian(least, columns.shape[1], independent) < score[terms]:
+        if bayesian(least, columns.shape[1], plain.independent) < score[terms]:
             return tried
-    extended = {half: _beside(fit, with_near_rest(signals, fit.rows), terms) for half, fit in tried.items()}
-    return {half: fit for half, fit in extended.items() if fit is not None}
+    return each(tried, lambda fit: _beside(fit, with_near_rest(signals, fit.rows), terms))
 
 
 def _beside(fit: WindowFit, rows: Rows, terms: tuple[str, ...]) -> WindowFit | None:
@@ -203,13 +200,7 @@ def _dissipates(fit: WindowFit) -> bool:
 
 def gain(plain: WindowFit, more: WindowFit) -> float:
     """Fall of −2 log likelihood from a fit to one of the same rows with further terms, see `FURTHER`."""
-    independent = len(plain.rows.windows) / (LAG / 2)
-    return misfit(_lost(plain), independent) - misfit(_lost(more), independent)
-
-
-def _lost(fit: WindowFit) -> float:
-    """Sum of the squared residuals."""
-    return float(np.sum(fit.fit.residuals**2))
+    return misfit(plain.lost, plain.independent) - misfit(more.lost, plain.independent)
 
 
 def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:
@@ -219,13 +210,6 @@ def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:
     if not fit.equation.driven:
         return errors
     return [*errors, late_error(fit.rows, signals, fit.coefficients)[:, None]]
-
-
-def _fits(
-    rows: dict[float, Rows], equation: Equation, noise: Noise, friction: tuple[str, ...]
-) -> dict[float, WindowFit]:
-    fits = {half: fit_rows(rows_of_half, equation, noise, friction) for half, rows_of_half in rows.items()}
-    return {half: fit for half, fit in fits.items() if fit is not None}
 
 
 def _search(
@@ -251,31 +235,25 @@ def _search(
     return tried, signals
 
 
-def friction_windows(signals: Signals, tried: dict[float, WindowFit]) -> WindowFit:
+def friction_windows(signals: Signals, tried: dict[float, WindowFit], moments: Array) -> WindowFit:
     """The fit with the least variance of friction, averaged over the motion; among equals the longest.
 
     The same principle as for the inertia. Long windows average what depends on the angle, which no law of the speed
-    describes; short ones resolve the speeds within one swing, which a decay covers by its many swings.
+    describes; short ones resolve the speeds within one swing, which a decay covers by its many swings. moments: as
+    `_moments`.
     """
-    moments = _moments(signals)
-    within = [fit for half, fit in tried.items() if half <= ONE_SWING * signals.motion.half_period]
-    spread = {fit.half: _torque_variance(fit, moments) for fit in within}
-    within = [fit for fit in within if np.isfinite(spread[fit.half])]
-    if not within:
-        return min(tried.values(), key=lambda fit: fit.half)
-    least = min(spread[fit.half] for fit in within)
-    return max((fit for fit in within if spread[fit.half] <= CALM**2 * least), key=lambda fit: fit.half)
+    within = (fit for half, fit in tried.items() if half <= ONE_SWING * signals.motion.half_period)
+    calm = longest_of_best(within, lambda fit: _torque_variance(fit, moments), CALM**2)
+    return min(tried.values(), key=lambda fit: fit.half) if calm is None else calm
 
 
 def _moments(signals: Signals) -> Array:
-    """Mean products of the terms of BASIS over the motion, computed once."""
-    key = ("moments", float(MOMENTS))
-    if key not in signals.kept:
-        speeds = signals.speed.ravel()
-        speeds = speeds[:: max(1, len(speeds) // MOMENTS)]
-        columns = np.stack([TERMS[name](speeds) for name in BASIS])
-        signals.kept[key] = columns @ columns.T / len(speeds)
-    return signals.kept[key]
+    """Mean products of the terms of BASIS over the motion."""
+    speeds = signals.speed.ravel()
+    speeds = speeds[:: max(1, len(speeds) // MOMENTS)]
+    columns = np.stack([TERMS[name](speeds) for name in BASIS])
+    result: Array = columns @ columns.T / len(speeds)
+    return result
 
 
 def _torque_variance(fit: WindowFit, moments: Array) -> float:

@@ -24,7 +24,6 @@ from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
-from swingid.preparation.encoders import Channel
 
 
 def errors_of(
@@ -85,29 +84,26 @@ def shaped_errors(
 
 def bends(rows: Rows, signals: Signals, values: Mapping[str, float]) -> Array:
     """Columns (rows, n) of a nonlinearity once per turn of each encoder: cosine and sine of the axis, of the wheel."""
-    turns: list[Channel] = [] if signals.linear else ["angle"]
-    turns += [] if signals.wheel is None else ["wheel"]
+    turns = (channel for channel in signals.encoders.channels if channel == "wheel" or not signals.linear)
     errors = [encoder_error(signals.encoders, channel, shape) for channel in turns for shape in BENDS]
     return np.array([error.rows for error in channel_errors(rows, signals, errors, values)]).reshape(-1, len(rows)).T
 
 
 def late_error(rows: Rows, signals: Signals, values: Mapping[str, float]) -> Array:
     """Effect on the rows, per s, of a wheel read later than the angle, or of an angle later than the drive acts."""
-    late = encoder_error(signals.encoders, "angle" if signals.wheel is None else "wheel", "latency")
+    late = encoder_error(signals.encoders, signals.encoders.last, "latency")
     return channel_errors(rows, signals, [late], values)[0].rows
 
 
 def _keep(rows: Rows, signals: Signals, errors: Sequence[Perturbation]) -> None:
     """Compute the columns ∫φ ∂f/∂channel s of these errors, which depend neither on values nor on turning points."""
     keys, columns = [], []
-    slopes = {}  # of a term at the nodes, the same for all errors
     for error in errors:
         shape, shift = _at_nodes(signals, error)
         for name, order, slope in _slopes(signals, error):
-            if name not in slopes:
-                slopes[name] = slope(signals.angle)
             keys.append((error.source, name))
-            columns.append((shape * slopes[name], order + shift))
+            slope_of_term = signals.slopes[name] if name in signals.slopes else slope(signals.angle)
+            columns.append((shape * slope_of_term, order + shift))
     if keys:
         integrals = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
         rows.kept.update(zip(keys, integrals.T, strict=True))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -16,6 +16,7 @@ from swingid.balance.rows import Rows, Signals, Windows
 from swingid.model.equation import GRAVITY, SOUGHT, Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.numerics.once import once
 from swingid.numerics.regression import Beside, LinearFit, fit_linear
 from swingid.numerics.test_functions import CURVATURE_POWER, SLOPE_POWER, overlaps, rate_overlaps
 from swingid.preparation.noise import Noise
@@ -158,7 +159,7 @@ class WindowFit(NamedFit):
 
     @cached_property
     def kept(self) -> dict[str, Any]:
-        """What follows from this fit and is needed again, by name."""
+        """What the fits of equation error need again, by name."""
         return {}
 
     @property
@@ -172,7 +173,32 @@ class WindowFit(NamedFit):
     @property
     def total(self) -> float:
         """Standard uncertainty of a11 with the declared imperfections."""
-        return float(np.sqrt(self.covariance[0, 0] + sum(effect.shifts[0] ** 2 for effect in self.declared)))
+        return self.total_of("inertia")
+
+    def total_of(self, name: str) -> float:
+        """Standard uncertainty of an unknown with the declared imperfections."""
+        k = self.unknowns.index(name)
+        return float(np.sqrt(self.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in self.declared)))
+
+    @cached_property
+    def lost(self) -> float:
+        """Sum of the squared residuals."""
+        return float(self.fit.residuals @ self.fit.residuals)
+
+    @property
+    def is_exact(self) -> bool:
+        """Return whether no term is missing, see `SLIGHT`."""
+        return self.lost < SLIGHT**2 * float(self.known @ self.known)
+
+    def noise_of(self, half: Array) -> Array:
+        """Variance of rows on windows of these half-lengths (s) by noise of the angles, through φ''."""
+        power = (self.a11 * self.noise.angle) ** 2 + (self.equation.value("wheel") * self.noise.wheel) ** 2
+        return power * self.noise.step * CURVATURE_POWER * half**-3.0
+
+    @property
+    def independent(self) -> float:
+        """Number of independent rows: neighbours share data."""
+        return len(self.rows) / (LAG / 2)
 
     def relative(self, u: float) -> float:
         """A standard uncertainty of a11 as a share of its magnitude.
@@ -245,8 +271,7 @@ def with_errors(fit: WindowFit, items: Sequence[RowError]) -> WindowFit:
     """
     fitted = [item for item in items if item.of.fitted]
     fit = with_fitted(fit, [fitted])[0] if fitted else replace(fit, declared=())
-    passed = (Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.of.fitted)
-    effects = [*fit.declared, *passed]
+    effects = [*fit.declared, *_propagated(fit, (item for item in items if not item.of.fitted))]
     noise = tuple(effect for effect in effects if effect.item.of.of_noise)
     return replace(
         fit,
@@ -255,6 +280,11 @@ def with_errors(fit: WindowFit, items: Sequence[RowError]) -> WindowFit:
         declared=tuple(effect for effect in effects if not effect.item.of.of_noise),
         wandering=noise,
     )
+
+
+def _propagated(fit: WindowFit, items: Iterable[RowError]) -> tuple[Effect, ...]:
+    """The effects of errors that are no unknowns."""
+    return tuple(Effect(item, fit.fit.influence @ item.rows * item.std) for item in items)
 
 
 def with_fitted(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: int = 2) -> list[WindowFit]:
@@ -283,21 +313,19 @@ def with_fitted(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: i
     return fits
 
 
+@once
 def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit | None:
     """The same windows with the gravity torque an unknown without prior, and all else that is declared propagated.
 
-    None where there are too few rows, and where a further unknown has the regressor of gravity. Computed once.
+    None where there are too few rows, and where a further unknown has the regressor of gravity.
     """
-    if "gravity free" not in fit.kept:
-        free = fit_rows(fit.rows, fit.equation.but(gravity_torque=SOUGHT), fit.noise, fit.friction)
-        if free is not None and np.isfinite(free.fit.condition):
-            # of the stated equation: its clock and tilt act where both gravity torques are compared
-            items = errors_of(free.rows, signals, rig, fit.equation, free.coefficients)
-            others = (item for item in items if item.source != GRAVITY and not item.of.of_noise)
-            effects = tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others)
-            fit.kept["gravity free"] = replace(free, declared=effects)
-    kept: WindowFit | None = fit.kept.setdefault("gravity free", None)
-    return kept
+    free = fit_rows(fit.rows, fit.equation.but(gravity_torque=SOUGHT), fit.noise, fit.friction)
+    if free is None or not np.isfinite(free.fit.condition):
+        return None
+    # of the stated equation: its clock and tilt act where both gravity torques are compared
+    items = errors_of(free.rows, signals, rig, fit.equation, free.coefficients)
+    others = (item for item in items if item.source != GRAVITY and not item.of.of_noise)
+    return replace(free, declared=_propagated(free, others))
 
 
 def covariance_of(

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from swingid.errors import UsageError
 from swingid.model import shapes, terms
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.once import once
+from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.test_functions import project_hats
 from swingid.result.data import FrictionCurve
 
@@ -237,7 +239,7 @@ class FrictionRows:
         knots = speed_knots(signals.fastest, KNOTS) if hats else np.empty(0)
         columns = [rows[name] for name in EXACT]
         if hats:
-            columns.append(_hats(signals, rows.windows, knots))
+            columns.append(_hats(rows.windows, *signals.finely, knots))
         return cls(rows, knots, np.column_stack(columns))
 
     def law(self, terms: tuple[str, ...], stribeck_speed: float) -> Array:
@@ -299,14 +301,13 @@ def _smooth(knots: Array, values: Array) -> Array:
     return result
 
 
-def _hats(signals: Signals, windows: Windows, knots: Array) -> Array:
-    """∫φ Λ of the hat functions, computed once for all windows of one length."""
-    key = ("hats", float(windows.half[0]))
-    if key not in signals.kept:
-        signals.kept[key] = project_hats(*signals.finely, knots, windows.centres, windows.half)
-    return signals.kept[key]
+@once
+def _hats(windows: Windows, nodes: GaussNodes, speeds: Array, knots: Array) -> Array:
+    """∫φ Λ of the hat functions of the speeds at the nodes."""
+    return project_hats(nodes, speeds, knots, windows.centres, windows.half)
 
 
+@lru_cache(maxsize=16)
 def speed_knots(fastest: float, count: int) -> Array:
     """Speeds on both sides of rest, `count` each and 0, denser near it."""
     side = fastest * (np.arange(1, count + 1) / count) ** 1.5

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,6 +15,24 @@ WORSE = 2.5
 White noise multiplies it by 2.8 per octave. Of 100 searches on foreign logs (benchmarks/strangers.py) that ended so,
 none had a better length among the shorter ones.
 """
+
+
+Known = TypeVar("Known")
+
+
+def each(known: Mapping[float, Known], fitted: Callable[[Known], WindowFit | None]) -> dict[float, WindowFit]:
+    """The fits by half-length that are made of what is known at each, without those of too few rows (None)."""
+    fits = {half: fitted(known[half]) for half in known}
+    return {half: fit for half, fit in fits.items() if fit is not None}
+
+
+def longest_of_best(
+    fits: Iterable[WindowFit], measure: Callable[[WindowFit], float], factor: float
+) -> WindowFit | None:
+    """The fit on the longest windows of those whose measure is the least within this factor; None if none is finite."""
+    measured = [(fit, size) for fit in fits if np.isfinite(size := measure(fit))]
+    least = min((size for _, size in measured), default=0.0)
+    return max((fit for fit, size in measured if size <= factor * least), key=lambda fit: fit.half, default=None)
 
 
 def search(fit_at: Callable[[float], WindowFit | None], longest: float, shortest: float) -> dict[float, WindowFit]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from swingid.balance.fits import LAG, SLIGHT, WindowFit, column_noise, covariance_by
+from swingid.balance.fits import LAG, WindowFit, column_noise, covariance_by
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import COMPARABLE
 from swingid.numerics.arrays import Array, Bools, median
@@ -96,8 +96,7 @@ def unexplained(comparisons: Sequence[Comparison], u: float) -> float:
 
 def compared(law: WindowFit, signals: Signals) -> list[Comparison]:
     """The comparisons that this log allows."""
-    power = float(law.known @ law.known)
-    if float(law.fit.residuals @ law.fit.residuals) < SLIGHT**2 * power:
+    if law.is_exact:
         return []
     least = fewest(law)
     divided = [
@@ -248,7 +247,7 @@ def predicted(law: WindowFit) -> Prediction | None:
     halves' unknowns, of covariance V, and X the columns there: Q is distributed as Σ λ_i χ²_1 with λ_i the eigenvalues
     of XᵀX V, nearly as a multiple of χ² of the same mean and variance (Satterthwaite).
     """
-    count, columns, residuals = len(law.unknowns), law.columns, law.fit.residuals
+    count, columns = len(law.unknowns), law.columns
     early = law.rows.windows.centres < median(law.rows.windows.centres)
     if min(int(early.sum()), int((~early).sum())) < fewest(law):
         return None
@@ -260,7 +259,7 @@ def predicted(law: WindowFit) -> Prediction | None:
     difference, last = columns[~early] @ (fits.values[0] - fits.values[1]), fits.residuals[1]
     excess, rest = float(difference @ difference), float(last @ last)
     mean, power = float(np.trace(spread)), float(np.trace(spread @ spread))
-    freedom = len(residuals) / (LAG / 2) - 2 * count
+    freedom = law.independent - 2 * count
     if not (mean > 0 and power > 0) or freedom < count:
         return None
     significance = normal_of_ratio(excess / mean, mean**2 / power, freedom)

@@ -171,7 +171,7 @@ def of_channels(rig: Rig, encoders: Encoders) -> list[Perturbation]:
 
 def encoder_error(encoders: Encoders, channel: Channel, shape: Shape, *, fitted: bool = False) -> Perturbation:
     """A nonlinearity ("cosine", "sine": q + α cos q + β sin q is read; of 2q) or latency (q + q' δ) of an encoder."""
-    sensor, prefix = (encoders.angle, "sensors") if channel == "angle" else (encoders.wheel, "sensors.wheel")
+    sensor, prefix = encoders.of_channel(channel), "sensors" if channel == "angle" else "sensors.wheel"
     if shape == "latency":
         return Perturbation(f"{channel} latency", sensor.lateness, f"{prefix}.latency", channel, shape, fitted)
     if shape in SECOND:
@@ -188,22 +188,20 @@ def _nonlinearities(rig: Rig, encoders: Encoders) -> Iterator[Perturbation]:
     Values stated in the rig file were estimated from data, maybe from these, so their uncertainty is propagated and
     they are not fitted again: the data would count twice. So a11 has the variance of the joint fit.
     """
-    turns: tuple[tuple[Channel, bool], ...]
-    turns = ("angle", rig.axis.kind == "rotary"), ("wheel", rig.drive.wheel is not None)
-    for channel, there in turns:
-        sensor = encoders.angle if channel == "angle" else encoders.wheel
-        for shape in BENDS if there and sensor.nonlinearity else ():
+    for channel in encoders.channels:
+        if channel == "angle" and rig.axis.kind == "linear":
+            continue
+        sensor = encoders.of_channel(channel)
+        for shape in BENDS if sensor.nonlinearity else ():
             yield encoder_error(encoders, channel, shape, fitted=shape not in sensor.calibrated)
-        for shape in SECOND if there else ():
+        for shape in SECOND:
             yield encoder_error(encoders, channel, shape, fitted=True)
 
 
 def _latencies(rig: Rig, encoders: Encoders) -> Iterator[Perturbation]:
     """A channel that is read late. A free decay does not depend on it."""
-    if rig.drive.channel is not None:
-        yield encoder_error(encoders, "angle", "latency", fitted=True)
-    if rig.drive.wheel is not None:
-        yield encoder_error(encoders, "wheel", "latency", fitted=True)
+    for channel in encoders.channels if rig.drive.channel is not None else ():
+        yield encoder_error(encoders, channel, "latency", fitted=True)
 
 
 def _scales(rig: Rig) -> Iterator[Perturbation]:

@@ -21,6 +21,7 @@ from swingid.model.rig import Rig
 from swingid.model.terms import RigTerm, gravity_term, rig_terms
 from swingid.numerics.arrays import Array, Bools, Ints, quantile
 from swingid.numerics.blocks import BlockNodes
+from swingid.numerics.once import once
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import (
@@ -41,7 +42,7 @@ BLOCK = 1 / 8
 FEWEST_BLOCKS = 4
 """Blocks in half a window, at least."""
 
-COMPUTED = ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "pulls")
+COMPUTED = ("stacked", "fastest", "finely", "longest_step", "cosine", "slopes", "pulls")
 """Properties of `Signals` that depend neither on the turning points nor on what is declared of the encoders."""
 
 REACH = 8
@@ -184,22 +185,20 @@ class Signals:
         return result
 
     @cached_property
+    def slopes(self) -> dict[str, Array]:
+        """Derivatives of the terms by the angle at the nodes, per unit of their coefficients."""
+        return {name: term.stiffness(self.angle) for name, term in self.terms.items()}
+
+    @cached_property
     def pulls(self) -> dict[str, float]:
-        """Mean derivatives of the terms by the angle, per unit of their coefficients."""
-        return {name: float(np.mean(term.stiffness(self.angle))) for name, term in self.terms.items()}
+        """Means of `slopes`, by which noise of the angle enters the terms."""
+        return {name: float(np.mean(slope)) for name, slope in self.slopes.items()}
 
     def stiffness(self, value: Callable[[str], float]) -> Array:
         """Change of the conservative torques per rad or m at the nodes; value: of a coefficient by its name."""
         values = {name: value(name) for name, term in self.terms.items() if term.term.is_conservative}
-        pulls = (
-            coefficient * self.terms[name].stiffness(self.angle) for name, coefficient in values.items() if coefficient
-        )
+        pulls = (coefficient * self.slopes[name] for name, coefficient in values.items() if coefficient)
         return sum(pulls, np.zeros_like(self.angle))
-
-    @cached_property
-    def kept(self) -> dict[tuple[str, float], Array]:
-        """Results that depend on angle and speed only and are needed again, by name and number."""
-        return {}
 
     @cached_property
     def edge_angles(self) -> Array:
@@ -223,16 +222,7 @@ class Signals:
 
     def grid_errors(self, resolution: float) -> Array:
         """Errors of the angle on grids of this step shifted by eighths of it, times the nodes' weights: (8, nodes)."""
-        key = ("grid errors", resolution)
-        if key not in self.kept:
-            # at the instants of the rows: where their rate is near a multiple of the motion's, errors repeat; and
-            # smoothed over many steps, for the rounding of the measured angle is what repeats at every turn; the
-            # motion that smoothing removes is smoothed and added (Tukey's twicing)
-            stamps, width = self.nodes.stamps, 0.75 * self.motion.speed.half_width
-            once = speed_on_grid(stamps, self.angle_values, 0.0, width, 1.5).angle_at(stamps)
-            rows = once + speed_on_grid(stamps, self.angle_values - once, 0.0, width, 1.5).angle_at(stamps)
-            self.kept[key] = self.nodes.rounded(rows[:-1] / resolution) * (self.nodes.flat[1] * resolution)
-        return self.kept[key]
+        return _grid_errors(self.nodes, self.angle_values, 0.75 * self.motion.speed.half_width, resolution)
 
     def suited(self, half: float) -> Signals:
         """These signals, or on shorter blocks where half-lengths of `half` (s) need them."""
@@ -294,6 +284,17 @@ class Signals:
             longest=longest,
             terms={term.name: term for term in (gravity_term(rig), *rig_terms(rig))},
         )
+
+
+@once
+def _grid_errors(nodes: BlockNodes, angles: Array, width: float, resolution: float) -> Array:
+    """See `Signals.grid_errors`, by local cubics of this half-width (s)."""
+    # at the instants of the rows: where their rate is near a multiple of the motion's, errors repeat; and smoothed over
+    # many steps, for the rounding of the measured angle is what repeats at every turn; the motion that smoothing
+    # removes is smoothed and added (Tukey's twicing)
+    smooth = speed_on_grid(nodes.stamps, angles, 0.0, width, 1.5).angle_at(nodes.stamps)
+    rows = smooth + speed_on_grid(nodes.stamps, angles - smooth, 0.0, width, 1.5).angle_at(nodes.stamps)
+    return nodes.rounded(rows[:-1] / resolution) * (nodes.flat[1] * resolution)
 
 
 @dataclass(frozen=True)
@@ -374,10 +375,12 @@ def retimed(rows: Rows, signals: Signals) -> Rows:
 def _jumps(signals: Signals, windows: Windows) -> dict[str, Array]:
     """The columns that depend on the turning points: dry friction, and an impulse at each reversal."""
     instants, directions, weights = signals.motion.reversals
+    strengths = np.stack([directions * weights, directions * (1.0 - weights)])
+    memory, equal = project_impulses(instants, strengths, windows.centres, windows.half)
     by_name = {
         "coulomb": project_steps(signals.edges, signals.directions, windows.centres, windows.half),
-        "memory": project_impulses(instants, directions * weights, windows.centres, windows.half),
-        "memory_equal": project_impulses(instants, directions * (1.0 - weights), windows.centres, windows.half),
+        "memory": memory,
+        "memory_equal": equal,
     }
     for name, term in signals.terms.items():
         if term.term.is_dry:

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from swingid.balance.fits import LAG, SLIGHT, WindowFit, covariance_by, fit_rows, residuals_beside
+from swingid.balance.fits import WindowFit, covariance_by, fit_rows, residuals_beside
 from swingid.balance.rows import Signals, dry_column
 from swingid.balance.systematics import left_by_place
 from swingid.numerics.arrays import Array
@@ -127,11 +127,9 @@ def slow_test(fit: WindowFit, signals: Signals, kind: SlowKind) -> SlowTest | No
     counted as in the fit; θᵀ V⁻¹ θ / m is nearly of the distribution F(m, ν). First with the polynomials at the middle
     of each window, which is quick and nearly right.
     """
-    count, residuals = len(names_of(kind)), fit.fit.residuals
-    few = len(fit.rows) / (LAG / 2) - len(fit.unknowns) - count < count
-    if few or (kind == "zero" and not has_stiffness(fit)):
-        return None
-    if float(residuals @ residuals) < SLIGHT**2 * float(fit.known @ fit.known):
+    count = len(names_of(kind))
+    few = fit.independent - len(fit.unknowns) - count < count
+    if few or (kind == "zero" and not has_stiffness(fit)) or fit.is_exact:
         return None
     quick = _tested(fit, _roughly(signals, fit, kind))
     if quick.significance < INDICATED:
@@ -147,7 +145,7 @@ def _tested(fit: WindowFit, columns: Array, beside: Array | None = None) -> Slow
     covariance = covariance_by(fit, alone.influence[-count:], alone.residuals, used)
     # columns that are equal here, as of dry and viscous friction at one speed, count once
     wald = squared_distance(theta, covariance) / count
-    freedom = max(len(fit.rows) / (LAG / 2) - used, 1.0)
+    freedom = max(fit.independent - used, 1.0)
     return SlowTest(columns, normal_of_ratio(wald, count, freedom), alone.residuals)
 
 
@@ -162,14 +160,13 @@ def slow_kinds(fit: WindowFit, signals: Signals, others: Iterable[Array]) -> tup
     if not significant:
         return ()
     rows, causes = len(fit.rows), [columns for columns in others if columns.shape[1]]
-    independent = rows / (LAG / 2)
     remaining = [(float(np.sum(residuals_beside(fit, columns) ** 2)), columns.shape[1]) for columns in causes]
     remaining.append((rows * left_by_place(fit, signals, np.zeros((rows, 0))), 1))
-    best = min(bayesian(power, count, independent) for power, count in remaining)
+    best = min(bayesian(power, count, fit.independent) for power, count in remaining)
     return tuple(
         kind
         for kind, test in significant.items()
-        if bayesian(float(test.left @ test.left), test.columns.shape[1], independent) < best + DECISIVE
+        if bayesian(float(test.left @ test.left), test.columns.shape[1], fit.independent) < best + DECISIVE
         and all(_tested(fit, test.columns, beside).significance > CERTAIN for beside in causes)
     )
 

@@ -10,12 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
 from swingid.balance.fits import (
-    SLIGHT,
-    Effect,
     WindowFit,
     fit_rows,
     residuals_beside,
@@ -27,7 +26,9 @@ from swingid.balance.rows import Signals, Windows
 from swingid.model.equation import GRAVITY
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.test_functions import project, superpose, superposed
+from swingid.numerics.once import once
+from swingid.numerics.test_functions import project_stacked, superpose, superposed
+from swingid.preparation.noise import Noise
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import CERTAIN, INDICATED
 
@@ -65,55 +66,60 @@ def timing_spread(fit: WindowFit, impulse: float) -> float:
     return abs(float(fit.fit.influence[0] @ fit.rows["memory"])) * impulse
 
 
-def angle_weights(signals: Signals, fits: Sequence[WindowFit], unknown: str = "inertia") -> list[tuple[Array, Array]]:
-    """Change of an unknown per radian and second of error of the angle, and of the wheel's angle, at the nodes.
-
-    Through φ'', and that of the axis through the gravity b sin q1 as well. Of fits on the same windows; computed once.
-    """
-    key = f"angle weights of {unknown}"
-    new = [fit for fit in fits if key not in fit.kept]
-    if new:
-        windows, factors = (
-            new[0].rows.windows,
-            np.array([fit.fit.influence[fit.unknowns.index(unknown)] for fit in new]),
-        )
-        held = [term.name for term in new[0].equation.conservative]
-        pulled = any(fit.value(name) for fit in new for name in held)
-        weights = superposed(signals.nodes, windows.centres, windows.half, factors, (2, 0) if pulled else (2,))
-        for k, fit in enumerate(new):
-            axis = weights[0, k] * fit.a11
-            if pulled:
-                axis += signals.stiffness(fit.value).ravel() * weights[1, k]
-            fit.kept[key] = axis, weights[0, k] * fit.value("wheel")
-    return [fit.kept[key] for fit in fits]
+Weights = tuple[Array, Array]
+"""Change of an unknown per radian and second of error of the angle, and of the wheel's angle, at the nodes."""
 
 
-def grid_spread(signals: Signals, fit: WindowFit, unknown: str) -> float:
+@once
+def angle_weights(fit: WindowFit, signals: Signals, unknown: str = "inertia") -> Weights:
+    """The weights of an unknown of a fit: through φ'', and that of the axis through the gravity b sin q1 as well."""
+    return _weights_of([fit], signals, unknown)[0]
+
+
+def _weights_of(fits: Sequence[WindowFit], signals: Signals, unknown: str = "inertia") -> list[Weights]:
+    """The weights of fits on the same windows, at once."""
+    windows, held = fits[0].rows.windows, [term.name for term in fits[0].equation.conservative]
+    factors = np.array([fit.fit.influence[fit.unknowns.index(unknown)] for fit in fits])
+    pulled = any(fit.value(name) for fit in fits for name in held)
+    bent, *plain = superposed(signals.nodes, windows.centres, windows.half, factors, (2, 0) if pulled else (2,))
+    axes = [row * fit.a11 for row, fit in zip(bent, fits, strict=True)]
+    for axis, row, fit in zip(axes, plain[0], fits, strict=True) if pulled else ():
+        axis += signals.stiffness(fit.value).ravel() * row
+    return [(axis, row * fit.value("wheel")) for axis, row, fit in zip(axes, bent, fits, strict=True)]
+
+
+@once
+def grid_spread(fit: WindowFit, signals: Signals, unknown: str = "inertia") -> float:
     """Standard uncertainty of an unknown by the grid phase of the encoder beyond what counts as white noise.
 
     An encoder has the same error wherever the same angle comes again, so its error does not average out over the swings
     as white noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step, and with it the
     zero of the angle, which is known no better than the step.
     """
-    resolution, key = fit.noise.resolution, f"grid spread of {unknown}"
+    return _grid_spread(signals, fit.noise, angle_weights(fit, signals, unknown)[0])
+
+
+def _grid_spread(signals: Signals, noise: Noise, weights: Array) -> float:
+    """The same of a value with these weights of the angle."""
+    steps, resolution = signals.nodes.flat[1], noise.resolution
     if resolution == 0.0:
         return 0.0
-    if key not in fit.kept:
-        steps, (weights, _) = signals.nodes.flat[1], angle_weights(signals, [fit], unknown)[0]
-        # without BLAS, which would wake other processors for products of this length
-        effects = np.einsum("ij,j->i", signals.grid_errors(resolution), weights)
-        effects += resolution * SHIFTS * float(np.einsum("i,i->", steps, weights))
-        white = resolution**2 / 12 * fit.noise.step * float(np.einsum("i,i,i->", steps, weights, weights))
-        fit.kept[key] = float(np.sqrt(max(float(effects @ effects) / len(effects) - white, 0.0)))
-    spread: float = fit.kept[key]
-    return spread
+    # without BLAS, which would wake other processors for products of this length
+    effects = np.einsum("ij,j->i", signals.grid_errors(resolution), weights)
+    effects += resolution * SHIFTS * float(np.einsum("i,i->", steps, weights))
+    white = resolution**2 / 12 * noise.step * float(np.einsum("i,i,i->", steps, weights, weights))
+    return float(np.sqrt(max(float(effects @ effects) / len(effects) - white, 0.0)))
 
 
 def variance_of_difference(signals: Signals, first: WindowFit, second: WindowFit) -> float:
     """Variance of the difference of two fits' a11 by white noise of the same samples."""
-    weights, noise = signals.nodes.flat[1], first.noise
-    both = [angle_weights(signals, [fit])[0] for fit in (first, second)]
-    axis, wheel = (mine - theirs for mine, theirs in zip(*both, strict=True))
+    return _white_variance(signals, first.noise, angle_weights(first, signals), angle_weights(second, signals))
+
+
+def _white_variance(signals: Signals, noise: Noise, first: Weights, second: Weights) -> float:
+    """The same of two values with these weights."""
+    weights = signals.nodes.flat[1]
+    axis, wheel = (mine - theirs for mine, theirs in zip(first, second, strict=True))
     squares = (float(np.einsum("i,i,i->", weights, rows, rows)) for rows in (axis, wheel))
     power = sum(sigma**2 * square for sigma, square in zip((noise.of_angle, noise.of_wheel), squares, strict=True))
     for rate, rows in ((noise.rate, axis), (noise.wheel_rate, wheel)):
@@ -173,9 +179,8 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     by_drive = dark_uncertainty(free.a11 - law.a11, variance, u)
     if not stated or free.value("gravity_torque") <= 0:  # of which no scale of the drive makes the one stated
         return by_drive
-    k, gravity = free.unknowns.index("gravity_torque"), rig.axis.gravity_torque
-    ratio = free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)
-    ratio += 0.0 if isinstance(gravity, str) else (gravity.std or 0.0) ** 2
+    gravity = rig.axis.gravity_torque
+    ratio = free.total_of("gravity_torque") ** 2 + (0.0 if isinstance(gravity, str) else (gravity.std or 0.0) ** 2)
     # a11 is in proportion to the gravity torque, to first order
     by_gravity = free.a11 - law.a11 - law.a11 * (free.value("gravity_torque") / stated - 1.0)
     variance += ratio * (law.a11 / stated) ** 2
@@ -228,23 +233,23 @@ def _with_place(fit: WindowFit, signals: Signals, kinds: Mapping[str, Array]) ->
     significant = {
         k: more for k, more in fits if all(abs(effect.value) <= INDICATED for effect in more.declared[count:])
     }
-    angle_weights(signals, [plain, *significant.values()])
-    return [
-        PlaceFit(kind, more, plain, _variance_by_place(signals, plain, more, more.declared[count:], passed))
-        for kind, more in significant.items()
-    ]
+    weights, *of_more = _weights_of([plain, *significant.values()], signals)
+    grid = _grid_spread(signals, plain.noise, weights[0])
+    found = []
+    for (kind, more), other in zip(significant.items(), of_more, strict=True):
+        # windows that are not the best for both fits do not make the difference of the variances that of the difference
+        variance = max(abs(more.u**2 - plain.u**2), _white_variance(signals, plain.noise, other, weights))
+        variance += grid**2 + _grid_spread(signals, plain.noise, other[0]) ** 2
+        found.append(PlaceFit(kind, more, plain, variance + _variance_declared(plain, more, count, passed)))
+    return found
 
 
-def _variance_by_place(
-    signals: Signals, plain: WindowFit, more: WindowFit, effects: Sequence[Effect], passed: Sequence[RowError]
-) -> float:
-    """Return the variance of the change of a11 by a torque, of which these are the effects; passed: what is declared
-    and not fitted.
+def _variance_declared(plain: WindowFit, more: WindowFit, count: int, passed: Sequence[RowError]) -> float:
+    """Return the variance of the change of a11 by a torque, by its prior, by attenuation and by what is declared.
+
+    count: of what is declared and fitted, in both; passed: what is not fitted.
     """
-    # windows that are not the best for both fits do not make the difference of the variances that of the difference
-    noise = max(abs(more.u**2 - plain.u**2), variance_of_difference(signals, more, plain))
-    variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in effects)
-    variance += grid_spread(signals, plain, "inertia") ** 2 + grid_spread(signals, more, "inertia") ** 2
+    variance = sum(float(effect.shifts[0]) ** 2 for effect in more.declared[count:])
     variance += (attenuation(more) - attenuation(plain)) ** 2
     change = more.fit.influence[0] - plain.fit.influence[0]
     return float(variance + sum((float(change @ item.rows) * item.std) ** 2 for item in passed))
@@ -257,14 +262,12 @@ def attenuation(fit: WindowFit) -> float:
     gravity, fit any log, and errors draw the fit there.
     """
     influence = fit.fit.influence[0]
-    return float(fit.fit.residuals @ fit.fit.residuals) * float(influence @ influence) / max(abs(fit.a11), 1e-300)
+    return fit.lost * float(influence @ influence) / max(abs(fit.a11), 1e-300)
 
 
 def _shapes(signals: Signals) -> dict[str, list[Array]]:
     """Evaluate at the nodes the torques of each kind that depends on the angle; of a linear axis the powers of its
     place.
-
-    Of a rotary axis also `COSINE` and `SLOPE`.
     """
     angle = signals.angle
     reach = float(np.max(np.abs(angle - np.mean(angle)))) or 1.0
@@ -273,8 +276,7 @@ def _shapes(signals: Signals) -> dict[str, list[Array]]:
         place = (angle - np.mean(angle)) / reach
         return {"spring": [place], "square": [place**2], "cubic": [place**3], "hysteresis": lagging}
     waves = {f"order {n}": [np.sin(n * angle), np.cos(n * angle)] for n in (2, 3)}
-    others = {COSINE: [signals.cosine], SLOPE: [angle * signals.cosine]}
-    return {"spring": [angle], "cubic": [angle**3], **waves, "hysteresis": lagging, **others}
+    return {"spring": [angle], "cubic": [angle**3], **waves, "hysteresis": lagging}
 
 
 def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()) -> list[PlaceFit]:
@@ -285,18 +287,16 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
     of `law` and on those that seem to distinguish it best: where such a torque acts and is not fitted short ones have
     the least uncertainty, and may determine it 60 times worse (a spring in a free decay).
     """
-    shapes = _shapes(signals)
     best: dict[str, tuple[float, WindowFit, Array]] = {}
     fits: list[PlaceFit] = []
     for fit in (law, *(fit for fit in tried if fit is not law)):
-        power, lack = float(fit.known @ fit.known), float(fit.fit.residuals @ fit.fit.residuals)
-        if fit.half < SHORTEST * law.half or lack < SLIGHT**2 * power:
+        if fit.half < SHORTEST * law.half or fit.is_exact:
             continue
-        kinds = _kinds(shape_columns(fit, signals, shapes))
+        kinds = shape_columns(fit, signals)
         columns = np.concatenate(list(kinds.values()), axis=1)
         alone = np.linalg.norm(fit.beside(columns).rest, axis=0)
         change = np.abs(fit.fit.influence[0] @ columns) / np.maximum(alone, 1e-300)
-        change *= float(np.sqrt(lack / len(columns))) / max(abs(fit.a11), 1e-300)
+        change *= float(np.sqrt(fit.lost / len(columns))) / max(abs(fit.a11), 1e-300)
         edges = np.cumsum([of_kind.shape[1] for of_kind in kinds.values()])[:-1]
         for (kind, of_kind), uncertain in zip(kinds.items(), map(np.sum, np.split(change, edges)), strict=True):
             if kind not in best or uncertain < best[kind][0]:
@@ -308,30 +308,20 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
     return fits
 
 
-COSINE, SLOPE = "cosine", "slope of the sine"
-"""Shapes beside the kinds of torques: cos q1, and q1 cos q1, of a scale of the angle."""
+@once
+def _stacked(signals: Signals) -> tuple[dict[str, int], Array]:
+    """The kinds of torques with their numbers of shapes, and all shapes (n, nodes)."""
+    shapes = _shapes(signals)
+    return {kind: len(each) for kind, each in shapes.items()}, np.stack([x.ravel() for x in chain(*shapes.values())])
 
 
-def shape_columns(
-    fit: WindowFit, signals: Signals, shapes: Mapping[str, list[Array]] | None = None
-) -> dict[str, Array]:
-    """The modulated integrals (windows, n) of functions of the angle on the windows of a fit, computed once.
-
-    Of each kind of torque that depends on the angle, and on a rotary axis of `COSINE` and `SLOPE`.
-    """
-    if "shapes" not in fit.kept:
-        shapes, windows = shapes or _shapes(signals), fit.rows.windows
-        each = [(x, 0) for kind in shapes.values() for x in kind]
-        columns = project(signals.nodes, each, windows.centres, windows.half)
-        edges = np.cumsum([len(kind) for kind in shapes.values()])[:-1]
-        fit.kept["shapes"] = dict(zip(shapes, np.split(columns, edges, axis=1), strict=True))
-    by_shape: dict[str, Array] = fit.kept["shapes"]
-    return by_shape
-
-
-def _kinds(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the kinds of the torques alone."""
-    return {kind: columns_of_kind for kind, columns_of_kind in columns.items() if kind not in (COSINE, SLOPE)}
+@once
+def shape_columns(fit: WindowFit, signals: Signals) -> dict[str, Array]:
+    """∫φ T (windows, n) of each kind of torque T that depends on the angle, on the windows of a fit."""
+    (counts, stacked), windows = _stacked(signals), fit.rows.windows
+    plain = np.zeros(len(stacked), dtype=np.int64)
+    columns = project_stacked(signals.nodes, stacked, plain, windows.centres, windows.half)
+    return dict(zip(counts, np.split(columns, np.cumsum(list(counts.values()))[:-1], axis=1), strict=True))
 
 
 def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:
@@ -339,7 +329,7 @@ def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:
 
     beside: columns (rows, n) that are fitted as well.
     """
-    kinds = _kinds(shape_columns(law, signals)).values()
+    kinds = shape_columns(law, signals).values()
     return min(float(np.mean(residuals_beside(law, np.column_stack([beside, columns])) ** 2)) for columns in kinds)
 
 

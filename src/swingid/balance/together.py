@@ -9,7 +9,7 @@ the drag together, although each of them alone determines their ratio only.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from swingid.balance.choice import FLAT, FURTHER, gain
 from swingid.balance.errors import channel_errors, constant_error
 from swingid.balance.fits import BASIS, WindowFit, fit_rows, with_errors
-from swingid.balance.lengths import search
+from swingid.balance.lengths import each, longest_of_best, search
 from swingid.balance.motor_on_axis import is_open, volts, with_motor
 from swingid.balance.perturbations import RowError, of_channels, of_constants
 from swingid.balance.rows import Rows, Signals, Windows, rows_of
@@ -26,6 +26,7 @@ from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
 from swingid.model.equation import VOLTAGE_SCALE, Coefficient, Constant, Equation
 from swingid.numerics.arrays import Array
+from swingid.numerics.once import once
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.noise import Noise
@@ -55,7 +56,6 @@ class Run:
     part: Part
     signals: Signals
     added: Quantity
-    kept: dict[float, Rows] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(cls, name: str, part: Part, added: Quantity) -> Run:
@@ -63,17 +63,16 @@ class Run:
         signals = Signals.of(part.log, part.rig, part.motion, part.encoders, longest=_block(part))
         return cls(name, part, signals, added)
 
+    @once
     def rows(self, half: float) -> Rows:
-        """The rows on windows of half-length `half` (s), with the terms of its own drive and body; computed once."""
-        if half not in self.kept:
-            signals = self.signals.suited(half)
-            windows = law_windows(signals, half)
-            if self.part.rig.drive.channel == "voltage":
-                rows = with_motor(rows_of(signals, _in_motion(windows, signals)), signals)
-            else:
-                rows = rows_of(signals, windows)
-            self.kept[half] = rows.beside({body_name(self.added): rows["inertia"]} if self.added.value else {})
-        return self.kept[half]
+        """The rows on windows of half-length `half` (s), with the terms of its own drive and body."""
+        signals = self.signals.suited(half)
+        windows = law_windows(signals, half)
+        if "torque_per_volt" in self.part.equation.terms:
+            rows = with_motor(rows_of(signals, _in_motion(windows, signals)), signals)
+        else:
+            rows = rows_of(signals, windows)
+        return rows.beside({body_name(self.added): rows["inertia"]} if self.added.value else {})
 
 
 def _in_motion(windows: Windows, signals: Signals) -> Windows:
@@ -113,7 +112,7 @@ class Together:
 
     def grid(self) -> float:
         """Standard uncertainty of a11 by the grid phase of the encoder, as of `systematics.grid_spread`."""
-        spreads = [grid_spread(run.signals, self.of_log(k, self.law), "inertia") for k, run in enumerate(self.runs)]
+        spreads = [grid_spread(self.of_log(k, self.law), run.signals) for k, run in enumerate(self.runs)]
         return float(np.hypot.reduce(spreads))
 
     def variance_between(self, first: WindowFit, second: WindowFit) -> float:
@@ -144,9 +143,9 @@ def fit_together(runs: Sequence[Run], equation: Equation, friction: tuple[str, .
             code="too-short",
         )
     tried = _with_cubic(tried)
-    tried = {length: _declared(fit, runs) for length, fit in tried.items()}
-    reach = {half: fit.relative(fit.total) * coverage_factor(fit.freedom) for half, fit in tried.items()}
-    law = tried[max(half for half in tried if reach[half] <= FLAT * min(reach.values()))]
+    tried = each(tried, lambda fit: with_errors(fit, declared_of(fit, runs)))
+    law = longest_of_best(tried.values(), lambda fit: fit.relative(fit.total) * coverage_factor(fit.freedom), FLAT)
+    law = tried[max(tried)] if law is None else law
     return Together(tuple(runs), law, tried)
 
 
@@ -231,13 +230,8 @@ def _with_cubic(tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
     more = fit_rows(plain.rows, plain.equation, plain.noise, (*plain.friction, "cubic"))
     if more is None or not gain(plain, more) > FURTHER["cubic",]:
         return tried
-    cubic = {half: fit_rows(fit.rows, fit.equation, fit.noise, (*fit.friction, "cubic")) for half, fit in tried.items()}
-    return {half: replace(fit, half=half) for half, fit in cubic.items() if fit is not None}
-
-
-def _declared(fit: WindowFit, runs: Sequence[Run]) -> WindowFit:
-    """The fit with the effect of every declared imperfection, as `fits.with_declared`."""
-    return with_errors(fit, declared_of(fit, runs))
+    cubic = each(tried, lambda fit: fit_rows(fit.rows, fit.equation, fit.noise, (*fit.friction, "cubic")))
+    return {half: replace(fit, half=half) for half, fit in cubic.items()}
 
 
 def declared_of(fit: WindowFit, runs: Sequence[Run]) -> list[RowError]:

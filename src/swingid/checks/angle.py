@@ -17,13 +17,14 @@ import numpy as np
 
 from swingid.balance.fits import LAG, WindowFit, columns_of, known_side, sensor_variance
 from swingid.balance.rows import Signals
-from swingid.balance.systematics import COSINE, SLOPE, place_fits, shape_columns
+from swingid.balance.systematics import place_fits
 from swingid.checks.answer import CLEARLY
 from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.checks.stated import AS_GOOD, AS_SHARP
 from swingid.format import number, percent, plus_minus
 from swingid.model.equation import SOUGHT, Equation
 from swingid.numerics.arrays import Array
+from swingid.numerics.once import once
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.zero import centre_of
@@ -116,6 +117,7 @@ def _likely(scale: AngleScale) -> str:
     return f" ({USUAL[nearest]})" if off[nearest] < INDICATED else ""
 
 
+@once
 def search_scale(fit: WindowFit, signals: Signals) -> tuple[float, float] | None:
     """The scale of the angle by the windows of a fit, and its uncertainty; None where they do not determine one."""
     s, spread = 1.0, np.inf
@@ -129,6 +131,7 @@ def search_scale(fit: WindowFit, signals: Signals) -> tuple[float, float] | None
     return None
 
 
+@once
 def scale_at(fit: WindowFit, signals: Signals, s: float, spread: float) -> AngleScale | None:
     """What follows from a scale s; None where it does not reduce the residuals."""
     sine = fit.rows["gravity_torque"] if s == 1.0 else _integrals(fit, signals, np.sin(s * signals.angle))[0]
@@ -141,7 +144,7 @@ def scale_at(fit: WindowFit, signals: Signals, s: float, spread: float) -> Angle
 def _step(fit: WindowFit, signals: Signals, s: float) -> tuple[float, float]:
     """Gauss–Newton step of the scale from s, and its standard uncertainty."""
     if s == 1.0:
-        sine, slope = fit.rows["gravity_torque"], shape_columns(fit, signals)[SLOPE][:, 0]
+        sine, slope = fit.rows["gravity_torque"], _integrals(fit, signals, signals.angle * signals.cosine)[0]
     else:
         angle = signals.angle
         sine, slope = _integrals(fit, signals, np.sin(s * angle), angle * np.cos(s * angle))
@@ -231,7 +234,7 @@ def zero_off(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     zero, unless = _offset(law, signals), ""
     if not (zero.certain and judged.matters(zero.a11 - law.a11, "angle")):
         zero = _offset(law, signals, without="viscous_even")
-        if not zero.certain or zero.left > AS_GOOD * float(law.fit.residuals @ law.fit.residuals):
+        if not zero.certain or zero.left > AS_GOOD * law.lost:
             return []
         unless = ", unless it is friction that depends on the direction, which is not distinguishable in this motion"
     centre = None if _is_driven(law) else centre_of(signals.motion.turning_angles)
@@ -257,21 +260,18 @@ def zero_entry(evidence: Evidence, u: float) -> float:
     if not law.equation.value("gravity_torque") or signals.linear or not _is_driven(law):
         return 0.0
     plain, other = _offset(law, signals), _offset(law, signals, without="viscous_even")
-    as_good = other.left <= AS_GOOD * float(law.fit.residuals @ law.fit.residuals)
+    as_good = other.left <= AS_GOOD * law.lost
     return max(offset.unexplained(law.a11, u) for offset in ((plain, other) if as_good else (plain,)))
 
 
+@once
 def _offset(law: WindowFit, signals: Signals, without: str = "") -> _Offset:
-    """δ of the angle from the rows of a fit, computed once; one round where there is none.
+    """δ of the angle from the rows of a fit; one round where there is none.
 
     without: the name of a term of friction that is left out.
     """
-    key = f"offset without {without}"
-    if key in law.kept:
-        kept: _Offset = law.kept[key]
-        return kept
     friction = tuple(name for name in law.friction if name != without)
-    sine, cosine, b = law.rows["gravity_torque"], shape_columns(law, signals)[COSINE][:, 0], law.value("gravity_torque")
+    sine, cosine, b = law.rows["gravity_torque"], _cosine(law, signals), law.value("gravity_torque")
     offset, spread = 0.0, 0.0
     for _ in range(OFFSETS):
         if offset:
@@ -281,5 +281,11 @@ def _offset(law: WindowFit, signals: Signals, without: str = "") -> _Offset:
         spread = float(np.sqrt(fit.covariance(LAG)[-1, -1])) / b
         if abs(offset) < CERTAIN * spread:
             break
-    law.kept[key] = _Offset(offset, spread, float(fit.values[0]), float(fit.residuals @ fit.residuals))
-    return _offset(law, signals, without)
+    return _Offset(offset, spread, float(fit.values[0]), float(fit.residuals @ fit.residuals))
+
+
+@once
+def _cosine(law: WindowFit, signals: Signals) -> Array:
+    """∫φ cos q1, what a zero offset adds to gravity (windows,)."""
+    cosine: Array = _integrals(law, signals, signals.cosine)[0]
+    return cosine

@@ -110,7 +110,7 @@ def _wrong_by_residuals(law: WindowFit) -> str | None:
     equation = law.equation
     drive = _drive(law)
     turned = fit_linear(law.columns, law.known - 2 * drive)
-    ratio = float(turned.residuals @ turned.residuals) / max(float(law.fit.residuals @ law.fit.residuals), 1e-300)
+    ratio = float(turned.residuals @ turned.residuals) / max(law.lost, 1e-300)
     if equation.value("gravity_torque") and ratio < 1 / 9:
         return "drive" if turned.values[0] > 0 else "zero"
     if law.a11 >= -3 * law.u:

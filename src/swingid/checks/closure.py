@@ -7,10 +7,9 @@ import math
 import numpy as np
 
 from swingid.balance.fits import WindowFit
-from swingid.checks.hypothesis import Evidence, Finding, Judged
+from swingid.checks.hypothesis import Evidence, Finding
 from swingid.errors import UnanswerableError
 from swingid.format import percent
-from swingid.numerics.test_functions import CURVATURE_POWER
 
 CLOSES = 0.2
 """Share of the term of the inertia, or of a larger one of gravity, that the balance may leave.
@@ -25,15 +24,12 @@ OPEN = 0.5
 
 def share_left(law: WindowFit) -> float:
     """What the terms leave beyond the noise of the sensors, as a share of the inertia's term or of gravity's (rms)."""
-    noise, half = law.noise, law.rows.windows.half
-    power = (law.a11 * noise.angle) ** 2 + (law.equation.value("wheel") * noise.wheel) ** 2
-    expected = power * noise.step * CURVATURE_POWER * float(np.mean(half**-3.0))
-    excess = max(float(np.mean(law.fit.residuals**2)) - expected, 0.0)
+    excess = max(law.lost / len(law.rows) - float(np.mean(law.noise_of(law.rows.windows.half))), 0.0)
     terms = (law.a11 * law.rows["inertia"], law.value("gravity_torque") * law.rows["gravity_torque"])
     return float(np.sqrt(excess)) / max(*(float(np.std(term)) for term in terms), 1e-300)
 
 
-def balance_open(evidence: Evidence, judged: Judged) -> list[Finding]:
+def balance_open(evidence: Evidence) -> list[Finding]:
     """Return whether the balance does not close, so that log and rig file do not belong together.
 
     Raises UnanswerableError where it leaves more than `OPEN`.

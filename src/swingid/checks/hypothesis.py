@@ -17,6 +17,7 @@ from swingid.balance.parts import Comparison, Prediction, compared, divisible, p
 from swingid.balance.rows import Signals
 from swingid.balance.slow import SlowEffect, change_over_time, slow_effects
 from swingid.balance.systematics import PlaceFit, place_fits
+from swingid.numerics.once import once
 from swingid.preparation.prepared import Part
 from swingid.recording.findings import Kind
 from swingid.result.data import Changing
@@ -119,12 +120,22 @@ class Finding(NamedTuple):
     contained: bool = False
 
 
+Test = Callable[[Evidence, Judged], Sequence[Finding] | None]
+"""The findings of a hypothesis; None where it does not apply."""
+
+
+def of_log(test: Callable[[Evidence], Sequence[Finding] | None]) -> Test:
+    """The test of what does not depend on the inertia that is judged: once for a log, whatever methods ask."""
+    tested = once(test)
+    return lambda evidence, judged: tested(evidence)
+
+
 @dataclass(frozen=True)
 class Hypothesis:
     """One line of the table.
 
     check: its name among the consistency checks of a result, empty for none; words: what that checks. code, kind: of
-    its message. test: the findings; None where it does not apply. limit: name of the standard uncertainty in
+    its message. test: see `Test`. limit: name of the standard uncertainty in
     `Judged.limits` beyond which a finding is a warning; empty where it never is one. note: whether another finding is a
     note. unless: codes of findings before, each of which would explain this one. own: whether it is tested only for an
     inertia that is that of the balance. contradicts: whether it is a contradiction of log and rig file. entries:
@@ -136,7 +147,7 @@ class Hypothesis:
 
     check: str
     code: str
-    test: Callable[[Evidence, Judged], Sequence[Finding] | None]
+    test: Test
     words: str = ""
     limit: str = ""
     note: bool = False

@@ -23,7 +23,7 @@ def jump_entry(evidence: Evidence) -> float:
     ]
     if not reported:
         return 0.0
-    weights = angle_weights(signals, [evidence.law])[0]
+    weights = angle_weights(evidence.law, signals)
     stamps, steps = signals.nodes.flat
     instants: list[float] = []
     effects: list[float] = []

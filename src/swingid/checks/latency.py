@@ -21,13 +21,15 @@ from swingid.balance.rows import Signals
 from swingid.checks.hypothesis import Evidence, Finding, Judged
 from swingid.format import percent, plus_minus
 from swingid.model.rig import Rig
-from swingid.model.rig.sensors import Sensor
 from swingid.numerics.regression import LinearFit
-from swingid.preparation.encoders import Channel, Correction, Encoders
+from swingid.preparation.encoders import Correction, Encoders
 from swingid.preparation.prepared import Part
 from swingid.result.checked import Checked, noted, warned
 from swingid.result.result import Message
 from swingid.uncertainty.significance import BETTER, CERTAIN, MATTERS
+
+NAMES = {"wheel": "the wheel angle", "angle": "the angle"}
+"""Channels in messages."""
 
 LATEST = 0.01
 """Prior standard deviation (s) of an undeclared latency: ten times that of a usual rig, so hardly informative."""
@@ -76,10 +78,10 @@ def with_latency(part: Part, memory: str = "auto", signals: Signals | None = Non
         return _second_order(choice.signals, late) < share * choice.law.total / abs(choice.law.a11)
 
     choice, latency, moved = _corrected(choice, part, memory, lambda now, late: negligible(now, late, SMALL))
-    result, (channel, name, _) = Moved(), late_channel(part.encoders, part.rig)
+    result, channel = Moved(), part.encoders.last
     if moved:
         text = (
-            f"by the balance, {name} is read "
+            f"by the balance, {NAMES[channel]} is read "
             f"{plus_minus(1e3 * (moved + latency.value), 1e3 * latency.u, 'ms')} later than the rig file states, "
             "which is within the stated uncertainty; it was corrected by that."
         )
@@ -104,8 +106,8 @@ def channel_late(evidence: Evidence, judged: Judged) -> list[Finding] | None:
     rig, equation = part.rig, part.equation
     if not equation.driven or latency_spread(part.encoders, rig) or not _may_show(choice):
         return None
-    channel, name, sensor = late_channel(part.encoders, rig)
-    allowed = part.encoders.with_latency(channel, sensor.latency.value, LATEST)
+    channel, stated = part.encoders.last, part.encoders.of_channel(part.encoders.last).latency
+    allowed = part.encoders.with_latency(channel, stated.value, LATEST)
     best, latency, moved = _corrected(choice, part, evidence.memory, lambda *_: False, allowed)
     law = best.law
     moved += latency.value
@@ -116,26 +118,18 @@ def channel_late(evidence: Evidence, judged: Judged) -> list[Finding] | None:
         return []
     key = "sensors.wheel.latency" if channel == "wheel" else "sensors.latency"
     text = (
-        f"{name} is read {plus_minus(1e3 * moved, 1e3 * u, 'ms')} later than the rig file states; corrected by that, "
-        f"the inertia would be {plus_minus(law.inertia, None, equation.shown(equation.unit))}. State "
-        f'{key} = "{1e3 * (sensor.latency.value + moved):.3g} ± {1e3 * u:.2g} ms", or calibrate the encoders.'
+        f"{NAMES[channel]} is read {plus_minus(1e3 * moved, 1e3 * u, 'ms')} later than the rig file states; corrected "
+        f"by that, the inertia would be {plus_minus(law.inertia, None, equation.shown(equation.unit))}. State "
+        f'{key} = "{1e3 * (stated.value + moved):.3g} ± {1e3 * u:.2g} ms", or calibrate the encoders.'
     )
     return [Finding(math.inf, text)]
-
-
-def late_channel(encoders: Encoders, rig: Rig) -> tuple[Channel, str, Sensor]:
-    """The channel that is corrected, its name in messages and its encoder: the wheel, or the angle for a torque."""
-    if rig.drive.wheel is not None:
-        return "wheel", "the wheel angle", encoders.wheel
-    return "angle", "the angle", encoders.angle
 
 
 def latency_spread(encoders: Encoders, rig: Rig) -> float:
     """Declared standard deviation (s) of the latency that the balance depends on; 0 in a free decay."""
     if rig.drive.channel is None:
         return 0.0
-    channels = [encoders.angle, *([encoders.wheel] if rig.drive.wheel is not None else [])]
-    return float(np.hypot.reduce([channel.latency.std or 0.0 for channel in channels]))
+    return float(np.hypot.reduce([encoders.of_channel(channel).latency.std or 0.0 for channel in encoders.channels]))
 
 
 def _corrected(
@@ -150,7 +144,7 @@ def _corrected(
     Also the latency that is left, and what was corrected (s). declared: encoders whose priors are taken, if not those
     of the part.
     """
-    channel, _, sensor = late_channel(part.encoders, part.rig)
+    channel, stated = part.encoders.last, part.encoders.of_channel(part.encoders.last).latency
 
     def left() -> Latency:
         signals = choice.signals if declared is None else choice.signals.declaring(declared)
@@ -161,7 +155,7 @@ def _corrected(
         if enough(choice, latency.value):
             break
         moved += latency.value
-        encoders = part.encoders.with_latency(channel, sensor.latency.value + moved, sensor.latency.std)
+        encoders = part.encoders.with_latency(channel, stated.value + moved, stated.std)
         signals = Signals.of(part.log, part.rig, part.motion, encoders)
         choice = choose(signals, part.rig, part.equation, part.noise, memory)
         latency = left()
@@ -180,7 +174,7 @@ def latency_of(law: WindowFit, signals: Signals, rig: Rig) -> Latency:
     rows, unknowns = len(law.rows), len(law.unknowns)
     weights = np.zeros((1, unknowns + len(items)))
     for k, item in enumerate(items, start=unknowns):
-        weights[0, k] = _counts(item, rig) * item.std
+        weights[0, k] = _counts(item, signals.encoders) * item.std
     influence = weights @ solved.influence
     data = LinearFit(solved.values, solved.residuals[:rows], influence[:, :rows], 1.0).covariance(LAG)
     sensor, _ = sensor_variance(law.rows, influence[0, :rows], law.coefficients, law.noise)
@@ -188,11 +182,11 @@ def latency_of(law: WindowFit, signals: Signals, rig: Rig) -> Latency:
     return Latency(float(weights[0] @ solved.values), float(np.sqrt(max(data[0, 0], sensor) + from_prior)))
 
 
-def _counts(item: RowError, rig: Rig) -> float:
+def _counts(item: RowError, encoders: Encoders) -> float:
     """+1 for the late channel, −1 for the one that it is compared with, 0 for what is no latency."""
-    if rig.drive.wheel is not None:
-        return {"wheel latency": 1.0, "angle latency": -1.0}.get(item.source, 0.0)
-    return {"angle latency": 1.0}.get(item.source, 0.0)
+    if item.of.shape != "latency":
+        return 0.0
+    return 1.0 if item.of.channel == encoders.last else -1.0
 
 
 def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig) -> float:
@@ -210,7 +204,7 @@ def _may_show(choice: Choice) -> bool:
     law = choice.law
     late = late_error(law.rows, choice.signals, law.coefficients)
     remaining = residuals_beside(law, late[:, None])
-    return float(remaining @ remaining) < BETTER**2 * float(law.fit.residuals @ law.fit.residuals)
+    return float(remaining @ remaining) < BETTER**2 * law.lost
 
 
 def _second_order(signals: Signals, late: float) -> float:

@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 
-from swingid.balance.fits import LAG
 from swingid.balance.systematics import PlaceFit
 from swingid.checks.closure import share_left
 from swingid.checks.hypothesis import Evidence, Finding, Judged
@@ -35,7 +34,7 @@ PLACE = "torque that depends on the angle"
 """Source of `place_torque` in the budget."""
 
 
-def torque_computed(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+def torque_computed(evidence: Evidence) -> list[Finding] | None:
     """Return whether the torque is a linear function of the angle: computed with it, as a spring in software is."""
     log = evidence.part.log
     if log.torque is None or not np.ptp(log.torque):
@@ -86,7 +85,7 @@ def _ratio(fit: PlaceFit) -> float:
 def _is_certain(fit: PlaceFit) -> bool:
     """Return whether the torque explains the residuals, and its change of the inertia is significant."""
     extra, ratio = len(fit.more.declared) - len(fit.plain.declared), _ratio(fit)
-    freedom = len(fit.more.rows.windows) / (LAG / 2) - len(fit.more.unknowns) - extra
+    freedom = fit.more.independent - len(fit.more.unknowns) - extra
     if not 0 < ratio < BETTER or (ratio**-2 - 1) * freedom / extra < CERTAIN_RATIO:
         return False
     return bool(abs(fit.difference) >= DETECTED * fit.variance**0.5)

@@ -63,7 +63,7 @@ def slow_entries(evidence: Evidence, u: float, of_balance: bool) -> dict[str, fl
     return {SOURCES[effect.kind]: effect.u + (0.0 if of_balance else abs(effect.change)) for effect, _ in evidence.slow}
 
 
-def not_predicted(evidence: Evidence, judged: Judged) -> list[Finding]:
+def not_predicted(evidence: Evidence) -> list[Finding]:
     """A note where the first half of the log does not predict the second one, and no slow change was found."""
     prediction = evidence.prediction
     if prediction is None or prediction.significance <= CERTAIN or evidence.slow:
@@ -91,7 +91,7 @@ def disagreeing(*names: str) -> Callable[[Evidence, Judged], list[Finding] | Non
     return test
 
 
-def impulse_fitted(evidence: Evidence, judged: Judged) -> list[Finding]:
+def impulse_fitted(evidence: Evidence) -> list[Finding]:
     """A note on an impulse at each reversal, which is an unknown beside the parameters."""
     law = evidence.law
     if "memory" not in law.unknowns:

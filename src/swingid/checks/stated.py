@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from swingid.balance.errors import bends
-from swingid.balance.fits import LAG, ROUNDING, WindowFit, residuals_beside, with_declared, with_gravity_free
+from swingid.balance.fits import ROUNDING, WindowFit, residuals_beside, with_declared, with_gravity_free
 from swingid.balance.perturbations import BENDS
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import gravity_conflict, leaves_no_inertia, left_by_place
-from swingid.checks.hypothesis import Evidence, Finding, Judged
+from swingid.checks.hypothesis import Evidence, Finding
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
 from swingid.model.terms import is_spring, rig_terms
@@ -43,7 +43,7 @@ AS_GOOD = 1.2
 """Ratio of sums of squares up to which two models fit the rows equally well."""
 
 
-def encoders_bent(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+def encoders_bent(evidence: Evidence) -> list[Finding] | None:
     """Return whether an undeclared once-per-turn nonlinearity of the encoders is significant.
 
     Not where gravity is unknown as well, whose column is nearly that of a nonlinearity, not where a torque that depends
@@ -82,7 +82,7 @@ def _stated_or_usual(evidence: Evidence) -> bool:
 def _shows(law: WindowFit, before: float, after: float) -> bool:
     """Return whether a fall of the residuals' power is large and significant."""
     # without a nonlinearity 0.95 of the residuals and more remain
-    freedom = len(law.rows) / (LAG / 2) - len(law.unknowns) - AMPLITUDES
+    freedom = law.independent - len(law.unknowns) - AMPLITUDES
     if not before > ROUNDING**2 * float(np.mean(law.known**2)):
         return False  # these are residuals of the arithmetic
     return 0 < after < BETTER**2 * before and (before / after - 1) * freedom / AMPLITUDES >= CERTAIN_RATIO
@@ -108,17 +108,16 @@ def gravity_off(law: WindowFit, tried: Iterable[WindowFit], signals: Signals, ri
     stated, equation = rig.axis.acting_gravity, law.equation
     if stated is None or equation.seeks("gravity_torque") or not equation.driven or signals.linear:
         return None
-    freed = _freed(law, signals, rig)
-    if freed is None:
+    free = with_gravity_free(law, rig, signals)
+    if free is None:
         return []
-    free, spread = freed
-    b = free.value("gravity_torque")
-    for fit in (law, *tried):
-        other = freed if fit is law else _freed(fit, signals, rig)
-        if other is None or other[1] >= AS_SHARP * spread:
+    b, spread = free.value("gravity_torque"), free.total_of("gravity_torque")
+    for other in (with_gravity_free(fit, rig, signals) for fit in (law, *tried)):
+        if other is None or other.total_of("gravity_torque") >= AS_SHARP * spread:
             continue
-        off = other[0].value("gravity_torque") - stated.value
-        if off * (b - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(other[1], stated.std or 0.0):
+        off = other.value("gravity_torque") - stated.value
+        known = np.hypot(other.total_of("gravity_torque"), stated.std or 0.0)
+        if off * (b - stated.value) <= 0 or abs(off) <= DETECTED * known:
             return []
     if free.a11 <= 0 or (stated.value and leaves_no_inertia(free)):
         return []
@@ -159,12 +158,3 @@ def _against(ratio: float) -> str:
     if 0.1 < ratio < 10:
         return f"{percent(ratio - 1, sign=True)} from"
     return f"{number(ratio, digits=3)} times"
-
-
-def _freed(fit: WindowFit, signals: Signals, rig: Rig) -> tuple[WindowFit, float] | None:
-    """The same windows with the gravity torque fitted, and its standard uncertainty with all that is declared."""
-    free = with_gravity_free(fit, rig, signals)
-    if free is None:
-        return None
-    k = free.unknowns.index("gravity_torque")
-    return free, float(np.sqrt(free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)))

@@ -13,7 +13,7 @@ from swingid.balance.parts import unexplained
 from swingid.balance.systematics import place_torque
 from swingid.checks.angle import ZERO, scale_off, zero_entry, zero_off
 from swingid.checks.closure import balance_open
-from swingid.checks.hypothesis import Evidence, Hypothesis, Judged
+from swingid.checks.hypothesis import Evidence, Hypothesis, Judged, of_log
 from swingid.checks.jumps import jump_entry
 from swingid.checks.latency import channel_late
 from swingid.checks.place import PLACE, place_found, spring_not_stated, torque_computed
@@ -46,28 +46,29 @@ UNDETERMINED = ("gravity-and-inertia", "not-identifiable")
 
 TABLE = (
     # a torque that is commanded may be a spring in software: a note
-    Hypothesis("torque", "torque-computed", torque_computed, "the torque is no linear function of the angle",
+    Hypothesis("torque", "torque-computed", of_log(torque_computed), "the torque is no linear function of the angle",
                limit="alone", note=True, contradicts=True),
     Hypothesis("angle-zero", "zero-off", zero_off, "zero of the angle",
                limit="angle", kind=Kind.ANGLE_ZERO, contradicts=True,
                entries=lambda evidence, u, of_balance: {ZERO: zero_entry(evidence, u)}),
-    Hypothesis("wheel", "wheel-slips", wheel_slips, "the wheel follows its encoder",
+    Hypothesis("wheel", "wheel-slips", of_log(wheel_slips), "the wheel follows its encoder",
                limit="place", note=True, contradicts=True,
                entries=lambda evidence, u, of_balance: {SLIP: slip_entry(evidence, u)}),
     Hypothesis("angle-scale", "angle-scale", scale_off, "scale of the angle",
                limit="angle", unless=("zero-off", "wheel-slips"), contradicts=True),
     # with the disagreement of windows, which a wrong scale causes, the interval would hide it
     Hypothesis("gravity-torque", "gravity-torque-disagrees",
-               lambda evidence, judged: gravity_off(evidence.law, evidence.tried, evidence.signals, evidence.part.rig),
+               of_log(lambda evidence: gravity_off(evidence.law, evidence.tried, evidence.signals, evidence.part.rig)),
                "gravity torque as stated against the log",
                limit="gravity", unless=(*ANGLE, "wheel-slips"), kind=Kind.GRAVITY_TORQUE, contradicts=True,
                entries=lambda evidence, u, of_balance: {CONFLICT: conflict(evidence, u)}),
-    Hypothesis("encoders", "encoder-nonlinearity", encoders_bent, "encoder nonlinearity as stated against the log",
+    Hypothesis("encoders", "encoder-nonlinearity", of_log(encoders_bent),
+               "encoder nonlinearity as stated against the log",
                limit="balance", own=True, kind=Kind.ENCODER_NONLINEARITY, contradicts=True),
     Hypothesis("place", "place-torque", place_found, "torques that depend on the angle and are not stated",
                limit="place", unless=("torque-computed", *ASIDE), contradicts=True,
                entries=lambda evidence, u, of_balance: {PLACE: place_torque(evidence.place, u)}),
-    Hypothesis("closure", "balance-open", balance_open, "the balance closes: its residuals are small",
+    Hypothesis("closure", "balance-open", of_log(balance_open), "the balance closes: its residuals are small",
                limit="alone", unless=BIASED, contradicts=True),
     Hypothesis("latency", "late-channel", channel_late, "timing of the channels against each other",
                limit="timing", kind=Kind.LATE_CHANNEL, contradicts=True),
@@ -78,12 +79,12 @@ TABLE = (
                "parts of the log agree with one another", limit="alone", note=True,
                unless=("period-disagrees", *BIASED, "balance-open", "late-channel", *UNDETERMINED),
                entries=lambda evidence, u, of_balance: {PARTS: unexplained(evidence.parts, u)}),
-    Hypothesis("", "reversal-impulse", impulse_fitted, own=True, note=True),
+    Hypothesis("", "reversal-impulse", of_log(impulse_fitted), own=True, note=True),
     Hypothesis("stability", "friction-changes", slow_changes("friction"),
                "friction and zero of the angle do not change within the log",
                limit="alone", note=True, entries=slow_entries),
     Hypothesis("stability", "zero-drifts", slow_changes("zero"), limit="alone", note=True),
-    Hypothesis("stability", "second-half-not-predicted", not_predicted, note=True),
+    Hypothesis("stability", "second-half-not-predicted", of_log(not_predicted), note=True),
     Hypothesis("stability", "mirrored-parts-differ", mirrored_differ, note=True),
     Hypothesis("", "spring-not-stated", spring_not_stated, note=True),
 )  # fmt: skip

@@ -12,8 +12,9 @@ import numpy as np
 
 from swingid.balance.fits import LAG, WindowFit
 from swingid.balance.rows import Signals
-from swingid.checks.hypothesis import Evidence, Finding, Judged
+from swingid.checks.hypothesis import Evidence, Finding
 from swingid.format import percent, plus_minus
+from swingid.numerics.once import once
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project
 from swingid.uncertainty.dark import dark_uncertainty
@@ -39,7 +40,7 @@ class _Slip:
     ratio: float
 
 
-def wheel_slips(evidence: Evidence, judged: Judged) -> list[Finding] | None:
+def wheel_slips(evidence: Evidence) -> list[Finding] | None:
     """Find a wheel that slips one way, where that explains what the balance leaves."""
     slip = _slip(evidence.law, evidence.signals)
     if slip is None:
@@ -64,26 +65,24 @@ def slip_entry(evidence: Evidence, u: float) -> float:
     return dark_uncertainty(slip.change, (slip.change * slip.u / slip.value) ** 2, u)
 
 
+@once
 def _slip(law: WindowFit, signals: Signals) -> _Slip | None:
-    """The slip by the rows of a fit, computed once; None without the angle of a wheel."""
+    """The slip by the rows of a fit; None without the angle of a wheel."""
     rate, a12 = signals.wheel_rate, law.value("wheel")
     if rate is None or not a12:
         return None
-    if SLIP not in law.kept:
-        travel = np.cumsum(np.abs(rate.ravel()) * signals.nodes.flat[1]).reshape(signals.angle.shape)
-        windows = law.rows.windows
-        even = a12 / 2 * project(signals.nodes, [(travel, 2)], windows.centres, windows.half)[:, 0]
-        # scales of wheel and gravity that are not as stated leave residuals, too: in proportion to gravity
-        sought = law.equation.seeks("gravity_torque") or not law.value("gravity_torque")
-        others = law.columns if sought else np.column_stack([law.columns, law.rows["gravity_torque"]])
-        plain, fit = (fit_linear(x, law.known + law.explained) for x in (others, np.column_stack([others, even])))
-        share = -float(fit.values[-1])
-        lacking = share * even + abs(share) * a12 / 2 * law.rows["wheel"]
-        law.kept[SLIP] = _Slip(
-            share,
-            float(np.sqrt(fit.covariance(LAG)[-1, -1])),
-            float(law.fit.influence[0] @ lacking),
-            float(np.linalg.norm(fit.residuals)) / max(float(np.linalg.norm(plain.residuals)), 1e-300),
-        )
-    slip: _Slip = law.kept[SLIP]
-    return slip
+    travel = np.cumsum(np.abs(rate.ravel()) * signals.nodes.flat[1]).reshape(signals.angle.shape)
+    windows = law.rows.windows
+    even = a12 / 2 * project(signals.nodes, [(travel, 2)], windows.centres, windows.half)[:, 0]
+    # scales of wheel and gravity that are not as stated leave residuals, too: in proportion to gravity
+    sought = law.equation.seeks("gravity_torque") or not law.value("gravity_torque")
+    others = law.columns if sought else np.column_stack([law.columns, law.rows["gravity_torque"]])
+    plain, fit = (fit_linear(x, law.known + law.explained) for x in (others, np.column_stack([others, even])))
+    share = -float(fit.values[-1])
+    lacking = share * even + abs(share) * a12 / 2 * law.rows["wheel"]
+    return _Slip(
+        share,
+        float(np.sqrt(fit.covariance(LAG)[-1, -1])),
+        float(law.fit.influence[0] @ lacking),
+        float(np.linalg.norm(fit.residuals)) / max(float(np.linalg.norm(plain.residuals)), 1e-300),
+    )

@@ -14,6 +14,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints, stretches, sums_at
+from swingid.numerics.once import once
 from swingid.numerics.quadrature import GaussNodes, gauss_rule, lagrange
 
 POWER = 3
@@ -28,6 +29,10 @@ AT_ONCE, CACHED = 1 << 15, 1 << 14
 
 KEPT = 5 << 19
 """Nodes of windows up to which test functions are kept for further signals, of all windows on the nodes of a log."""
+
+
+APART = 1e-9
+"""Share of its length by which a window may overlap another that is one length apart, by rounding."""
 
 
 def phi(s: Array, order: int) -> Array:
@@ -171,7 +176,7 @@ def project_stacked(nodes: GaussNodes, stacked: Array, orders: Ints, centres: Ar
     """Project as `project` signals that were stacked once for many calls: (signals, nodes) with nodes in one row."""
     result = np.empty((len(centres), len(orders)))
     groups = [(order, (orders == order).nonzero()[0]) for order in sorted(set(orders.tolist()))]
-    signals = [np.ascontiguousarray(stacked[places]) for _, places in groups]
+    signals = [stacked if len(groups) == 1 else stacked[places] for _, places in groups]
     for k in _portions(nodes, half, AT_ONCE):
         tests = _tests_of(nodes, centres[k], half[k])
         for (order, places), values in zip(groups, signals, strict=True):
@@ -238,9 +243,12 @@ def project_steps(edges: Array, levels: Array, centres: Array, half: Array) -> A
 
 
 def project_impulses(instants: Array, strengths: Array, centres: Array, half: Array) -> Array:
-    """Σ_j strengths_j φ(t_j): the modulated integral of impulses at rising `instants`."""
+    """Σ_j strengths_j φ(t_j) of impulses at rising `instants`: (windows,), or of several (n, instants) (n, windows)."""
     which, at, s = _pairs(instants, centres, half)
-    return sums_at(which, strengths[at] * phi(s, 0), len(centres))
+    each = strengths[..., at] * phi(s, 0)
+    if strengths.ndim == 1:
+        return sums_at(which, each, len(centres))
+    return np.array([sums_at(which, row, len(centres)) for row in each])
 
 
 def curvature_overlap(distance: Array, gravity: float = 0.0) -> Array:
@@ -248,25 +256,24 @@ def curvature_overlap(distance: Array, gravity: float = 0.0) -> Array:
 
     gravity: b cos q1 L²/a11, what noise of the angle does through ∫φ b sin q1 beside a11 ∫φ'' q1.
     """
-    curved, crossed, plain = overlap_terms(distance)
+    grid, table = _overlap_table()
+    curved, crossed, plain = (np.interp(np.abs(distance), grid, values) for values in table)
     result: Array = curved + gravity * (2 * crossed + gravity * plain)
     return result
 
 
-def overlap_terms(distance: Array) -> tuple[Array, Array, Array]:
-    """∫φ''(s) φ''(s − d) ds, ∫φ''(s) φ(s − d) ds and ∫φ(s) φ(s − d) ds, for d half-lengths (any shape)."""
-    grid, table = _overlap_table()
-    curved, crossed, plain = (np.interp(np.abs(distance), grid, values) for values in table)
-    return curved, crossed, plain
-
-
 def neighbour_overlaps(centres: Array, half: Array, lags: int) -> Array:
-    """`overlap_terms` of each window with itself and the ones after it, (3, lags, windows), 0 behind the last."""
+    """∫φ''φ'', ∫φ''φ and ∫φφ of each window with itself and the ones after it, (3, lags, windows), 0 behind the last.
+
+    Of at most so many lags: those beyond which no windows overlap are left out.
+    """
     grid, tables = _overlap_table()
     beyond = np.full(lags - 1, np.inf)  # windows behind the last are far away
     later = stretches(np.concatenate([centres, beyond]), len(centres))
     halves = stretches(np.concatenate([half, np.ones(lags - 1)]), len(centres))
     place = np.minimum(np.abs(later - centres) / (halves * grid[1]), len(grid) - 1.0)
+    overlapping = np.flatnonzero(place.min(axis=1, initial=len(grid)) < (1.0 - APART) * (len(grid) - 1.0))
+    place = place[: 1 + int(overlapping.max(initial=0))]
     k = np.minimum(place.astype(np.int64), len(grid) - 2)
     place -= k
     result: Array = tables[:, k]
@@ -332,16 +339,22 @@ def _overlap_table() -> tuple[Array, Array]:
     return grid, np.stack([(weights * product).sum(axis=1) for product in products])
 
 
+@once
+def _among_knots(nodes: GaussNodes, signal: Array, knots: Array) -> tuple[Ints, Array]:
+    """The interval of the knots in which each value of a signal at the nodes is, and its place there from 0 to 1."""
+    values = signal.ravel()
+    place = np.minimum(np.maximum(np.searchsorted(knots, values) - 1, 0), len(knots) - 2)
+    share = (values - knots[place]) / np.diff(knots)[place]
+    return place, np.clip(share, 0.0, 1.0, out=share)
+
+
 def project_hats(nodes: GaussNodes, signal: Array, knots: Array, centres: Array, half: Array) -> Array:
     """∫φ Λ_j(x) dt for the hat functions Λ_j on rising `knots`; returns (windows, knots).
 
     The modulated integral of any function f(x) is then ``hats @ f(knots)``, up to its piecewise linear interpolation.
     Values of x beyond the knots count for the outermost one.
     """
-    values, steps = signal.ravel(), nodes.flat[1]
-    place = np.minimum(np.maximum(np.searchsorted(knots, values) - 1, 0), len(knots) - 2)
-    share = (values - knots[place]) / np.diff(knots)[place]
-    np.clip(share, 0.0, 1.0, out=share)
+    (place, share), steps = _among_knots(nodes, signal, knots), nodes.flat[1]
     result = np.empty((len(centres), len(knots)))
     for k in _portions(nodes, half, CACHED):
         tests = _Places.of(nodes, centres[k], half[k])

@@ -7,7 +7,7 @@ method uses: `Encoders` contains the latency that is to be corrected, 0 where it
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -71,12 +71,23 @@ class Correction:
 class Encoders:
     """The encoders of a prepared log: latencies that are still to be corrected, and declared uncertainties.
 
-    level: what is unknown of an angle that is the integral of a rate; None of one that was measured.
+    level: what is unknown of an angle that is the integral of a rate; None of one that was measured. channels: that the
+    rig has; against the others the `last` may be late.
     """
 
     angle: Sensor
     wheel: Sensor
     level: Level | None = None
+    channels: tuple[Channel, ...] = ("angle",)
+
+    @property
+    def last(self) -> Channel:
+        """The channel that is read last: the wheel's angle, or the angle beside a torque."""
+        return self.channels[-1]
+
+    def of_channel(self, channel: Channel) -> Sensor:
+        """The encoder of a channel."""
+        return self.angle if channel == "angle" else self.wheel
 
     @classmethod
     def of(cls, rig: Rig, log: Recording | None = None) -> Encoders:
@@ -88,20 +99,21 @@ class Encoders:
         angle, wheel = rig.sensors.of("angle"), rig.sensors.of("wheel")
         if rig.log.has_rate_alone or rig.axis.kind == "linear":
             angle = replace(angle, cosine=Quantity(0.0), sine=Quantity(0.0), twice=0.0)
+        declared = cls(angle, wheel, channels=("angle",) if rig.drive.wheel is None else ("angle", "wheel"))
         if log is None:
-            return cls(angle, wheel)
+            return declared
         delay = 0.0 if rig.sensors.says_latency else DELAY / log.rate
-        if rig.drive.wheel is not None:
-            wheel = replace(wheel, delay=delay)
-        else:
-            angle = replace(angle, delay=delay)
-        declared = cls(angle, wheel)
+        declared = declared.changed(declared.last, delay=delay)
         return declared.on_time() if LATENCY in log.repairs_off else declared
 
     def with_latency(self, channel: Channel, value: float, std: float | None) -> Encoders:
         """The same with another latency (s) of one channel."""
-        changed = replace(getattr(self, channel), latency=type(self.angle.latency)(value, std))
-        return replace(self, **{channel: changed})
+        return self.changed(channel, latency=Quantity(value, std))
+
+    def changed(self, channel: Channel, **changes: Any) -> Encoders:
+        """The same with changes of the encoder of one channel."""
+        sensor = replace(self.of_channel(channel), **changes)
+        return replace(self, angle=sensor) if channel == "angle" else replace(self, wheel=sensor)
 
     def on_time(self) -> Encoders:
         """The same without latencies, as after their correction; their uncertainty stays."""
@@ -161,20 +173,18 @@ def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recordi
     if REPAIR in log.done | log.repairs_off:
         return log
     log = replace(_polled(log, encoders.wheel), done=log.done | {REPAIR})
-    angle, wheel, sizes = log.angle, log.wheel_angle, []
-    axis, other = encoders.angle, encoders.wheel
-    if axis.cosine.value or axis.sine.value:
-        angle = true_angles(angle, axis.cosine.value, axis.sine.value)
-        sizes.append(f"{_size(axis)} of the angle's")
-    if wheel is not None and (other.cosine.value or other.sine.value):
-        wheel = true_angles(wheel, other.cosine.value, other.sine.value)
-        sizes.append(f"{_size(other)} of the wheel's")
-    unknown = _unknown(axis) if rotary else []
+    sizes: list[str] = []
+    true: dict[str, Any] = {}
+    for name, field, sensor in (("angle", "angle", encoders.angle), ("wheel", "wheel_angle", encoders.wheel)):
+        readings, (alpha, beta) = getattr(log, field), (sensor.cosine.value, sensor.sine.value)
+        if readings is not None and (alpha or beta):
+            true[field] = true_angles(readings, alpha, beta)
+            sizes.append(f"{np.degrees(np.hypot(alpha, beta)):.2g}° of the {name}'s")
+    unknown = _unknown(encoders.angle) if rotary else []
     if not sizes:
         return replace(log, findings=(*log.findings, *unknown)) if unknown else log
     text = f"the encoders' known nonlinearity was corrected: {' and '.join(sizes)} once per turn."
-    findings = (*log.findings, Finding("encoders", text, "note", REPAIR), *unknown)
-    return replace(log, angle=angle, wheel_angle=wheel, findings=findings)
+    return replace(log, findings=(*log.findings, Finding("encoders", text, "note", REPAIR), *unknown), **true)
 
 
 def _polled(log: Recording, sensor: Sensor) -> Recording:
@@ -204,10 +214,6 @@ def _unknown(sensor: Sensor) -> list[Finding]:
         "with swingid calibrate --encoders."
     )
     return [Finding(UNKNOWN, text, "warning", kind=Kind.ENCODER_NONLINEARITY)]
-
-
-def _size(sensor: Sensor) -> str:
-    return f"{np.degrees(np.hypot(sensor.cosine.value, sensor.sine.value)):.2g}°"
 
 
 def true_angles(readings: Array, alpha: float, beta: float) -> Array:

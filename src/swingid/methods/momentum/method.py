@@ -40,7 +40,6 @@ from swingid.methods.momentum.together import momentum_together
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array
-from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.recording.findings import Kind
 from swingid.result.checked import noted, warned
 from swingid.result.provenance import exact_in_row_one
@@ -137,11 +136,11 @@ def _estimate(evidence: Evidence) -> _Estimate:
         if fitted is not None:
             fit = with_declared(fitted, evidence.part.rig, signals)
             covariance = fit.covariance.copy()
-            covariance[0, 0] += grid_spread(signals, fit, "inertia") ** 2
+            covariance[0, 0] += grid_spread(fit, signals) ** 2
             covariance[0, 0] += _asymmetry(fit, law) ** 2 if name == "even" else 0.0
             others[name] = replace(fit, covariance=covariance)
     common = {
-        "place of the encoder's grid": grid_spread(signals, law, "inertia"),
+        "place of the encoder's grid": grid_spread(law, signals),
         TIMING: timing_spread(law, evidence.choice.impulse),
         "drift with the length of the windows": drift_with_length(law, evidence.choice.tried, signals),
     }
@@ -240,10 +239,8 @@ def _details(estimate: _Estimate, motor: float | None) -> Details:
 def _per_swing(estimate: _Estimate, signals: Signals) -> SwingSeries:
     """One inertia per turning point: its even window, less the fitted friction."""
     law, rows = estimate.evidence.law, estimate.turning_rows
-    equation, noise = law.equation, law.noise
     others = {name: law.value(name) for name in law.unknowns[1:] if name in rows.columns}
-    values = (known_side(rows, equation) - rows.sum_of(others)) / rows["inertia"] - equation.carried
-    power = (law.a11 * noise.angle) ** 2 + (equation.value("wheel") * noise.wheel) ** 2
-    sensor = np.sqrt(CURVATURE_POWER * power * noise.step / rows.windows.half**3) / np.abs(rows["inertia"])
+    values = (known_side(rows, law.equation) - rows.sum_of(others)) / rows["inertia"] - law.equation.carried
+    sensor = np.sqrt(law.noise_of(rows.windows.half)) / np.abs(rows["inertia"])
     sides = signals.motion.sides[np.searchsorted(signals.motion.turning_times, rows.windows.centres)]
     return SwingSeries.of(rows.windows.centres, sides, values, sensor)

@@ -90,7 +90,7 @@ def _parts(prepared: Sequence[Prepared]) -> list[Part]:
 def part_of_run(prepared: Prepared) -> Part:
     """The part of a log to use: all of a driven one, of another from its fastest instant to its rest."""
     part = prepared.part(whole=True, few=True)
-    if prepared.log.selected or prepared.rig.drive.channel is not None or prepared.equation.value("gravity_torque"):
+    if prepared.log.selected or prepared.equation.driven or prepared.equation.value("gravity_torque"):
         return part
     start, stop, note = spin_down(part.motion, float(part.log.time[0]), float(part.log.time[-1]))
     log = part.log.segment(start, stop)
@@ -114,7 +114,7 @@ def _check(together: Together, rig: Rig) -> None:
     where = ", ".join(run.name for run in together.runs)
     seen = identifiability_of(law)
     require_seen(seen)
-    if law.equation.channel in ("wheel_angle", "torque"):
+    if law.equation.coefficients.keys() & {"wheel", "torque"}:
         check_sign(law, where)
     per_volt = law.value("torque_per_volt")
     if per_volt < 0 and -per_volt > DETECTED * law.uncertainty("torque_per_volt"):
@@ -129,13 +129,13 @@ def _check(together: Together, rig: Rig) -> None:
 def _require_known(together: Together, u: float) -> None:
     """Raise NotIdentifiableError where the inertia, of standard uncertainty u, is not known to `HOPELESS`."""
     law, where = together.law, ", ".join(run.name for run in together.runs)
-    rig, relative = together.runs[0].part.rig, u / max(abs(law.a11), 1e-300)
+    relative = u / max(abs(law.a11), 1e-300)
     if law.inertia <= 0 or relative > HOPELESS or not np.isfinite(relative):
         spread = "more than its value" if law.inertia <= 0 or relative > 1 else percent(relative)
         raise NotIdentifiableError(
             f"{where}: the motion does not determine the inertia (the balance gives {law.inertia:.3g} "
             f"{law.equation.shown(law.equation.unit)}, uncertain by {spread}); record a wider range of speeds"
-            + (", or a known body that changes the inertia more." if rig.drive.channel is None else ".")
+            + (", or a known body that changes the inertia more." if not law.equation.driven else ".")
         )
 
 
@@ -191,7 +191,7 @@ def _friction_between(together: Together) -> tuple[float, list[Message]]:
     Logs with the same body show whether the friction differs: each but the first of them gets a factor of its own.
     """
     law, runs = together.law, together.runs
-    if len(runs) < 2 or together.runs[0].part.rig.drive.channel is not None:
+    if len(runs) < 2 or law.equation.driven:
         return 0.0, []
     friction = law.rows.sum_of({name: law.value(name) for name in law.friction})  # N m s or N s
     effects, columns = [], []
@@ -227,8 +227,8 @@ def _factors(columns: Array, known: Array, extra: Sequence[Array]) -> float:
 
 def _motor_notes(together: Together) -> list[Message]:
     """What of the motor is inseparable, and its torque constant and resistance where both products were found."""
-    law, rig = together.law, together.runs[0].part.rig
-    if rig.drive.channel != "voltage":
+    law = together.law
+    if "torque_per_volt" not in law.rows.columns:
         return []
     notes = []
     if "back_emf" not in law.equation.coefficients:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from json import loads as parse_json
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from swingid.cli import output
 from swingid.cli.compile import compile_first, kernels_of
 from swingid.cli.options import (
     NAMES,
@@ -23,13 +22,6 @@ from swingid.cli.options import (
     Verbose,
     method_name,
     rig_of,
-)
-from swingid.cli.output import (
-    check_report,
-    check_targets,
-    check_writable,
-    hand_over,
-    refusals_to,
 )
 from swingid.cli.progress import Progress
 from swingid.cli.results_table import tabulate
@@ -45,7 +37,6 @@ if TYPE_CHECKING:
     from swingid.model.rig import Rig
     from swingid.recording.large import LargeLog
     from swingid.recording.recording import Recording
-    from swingid.report.certificate import Certificate as Stated
     from swingid.result.result import Result
 
 Provenance = dict[str, object]
@@ -70,13 +61,6 @@ class _Reading:
         return Recording.load(log, rig, repairs=self.repairs)
 
 
-class Variant(StrEnum):
-    """Forms of the energy method."""
-
-    PRINTED = "printed"
-    BETTER = "better"
-
-
 def identify(
     logs: Logs,
     rig: LogRigFile = None,
@@ -89,7 +73,8 @@ def identify(
         ),
     ] = None,
     variant: Annotated[
-        Variant | None, typer.Option(help="Of --method energy: the paper's formulas, or the better form (default).")
+        Literal["printed", "better"] | None,
+        typer.Option(help="Of --method energy: the paper's formulas, or the better form (default)."),
     ] = None,
     option: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="An option of the method; may be repeated.")
@@ -138,19 +123,15 @@ def identify(
     if variant is not None and name != "energy":
         raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
     inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")
-    check_targets(
-        {"--json": json, "--report": report}, inputs | ({certificate: "the laboratory's file"} if certificate else {})
-    )
-    stated = check_report(report, certificate)
+    inputs |= {certificate: "the laboratory's file"} if certificate else {}
+    output.check_targets({"--json": json, "--report": report}, inputs)
+    stated = output.check_report(report, certificate)
     options = _options(option or [])
-    if variant is not None:
-        if "variant" in options:
-            raise UsageError("--variant and --option variant are the same; give one of them", code="bad-option")
-        options["variant"] = variant.value
-    if added:
-        if "added" in options:
-            raise UsageError("--added and --option added are the same; give one of them", code="bad-option")
-        options["added"] = added
+    for key, value in (("variant", variant), ("added", added)):
+        if value and key in options:
+            raise UsageError(f"--{key} and --option {key} are the same; give one of them", code="bad-option")
+        if value:
+            options[key] = value
     from swingid.pooling.selected import parts_of
 
     spans = parts_of(part)
@@ -160,12 +141,14 @@ def identify(
         source["part"] = part[0] if len(part) == 1 else part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
     begun = sha256_begun(logs[0]) if len(logs) == 1 else nullcontext()  # while packages are imported
-    with refusals_to(json, name, provenance, report, stated), begun as digest:
+    with output.refusals_to(json, name, provenance, report, stated), begun as digest:
         reading = replace(reading, digest=digest)
-        result = _identify(logs, rig, name, options, reading, spans, provenance, json, report, stated, monte_carlo)
+        output.check_writable(json, report)
+        result, log, plant = _identify(logs, rig, name, options, reading, spans, provenance, monte_carlo)
+        output.write_report(result, log, plant, report, stated)
     from swingid.result.brief import brief
 
-    hand_over(result, json, report, text=None if verbose else brief(result))
+    output.hand_over(result, json, report, text=None if verbose else brief(result))
 
 
 def _options(given: list[str]) -> dict[str, object]:
@@ -194,13 +177,9 @@ def _identify(
     reading: _Reading,
     spans: list[tuple[float, float]],
     provenance: Provenance,
-    json: str | None,
-    report: str | None,
-    certificate: Stated | None,
     draws: int | None,
-) -> Result:
-    """Read the files, and write the result and its report; `provenance` gains what becomes known on the way."""
-    check_writable(json, report)
+) -> tuple[Result, Recording | None, Rig]:
+    """The result, the log if it is a single one, and the rig; `provenance` gains what becomes known on the way."""
     from swingid.identification import identify as run
     from swingid.model.rig import Rig
     from swingid.pooling.selected import selected
@@ -231,19 +210,11 @@ def _identify(
         if draws is not None:
             if recording is None:
                 raise UsageError("--monte-carlo is not for logs that are read in parts; give --part", code="not-drawn")
-            result = _with_draws(recording, plant, result, draws, options)
-    if report is not None:
-        from swingid.report import write_report
+            from swingid.study.monte_carlo import monte_carlo
 
-        write_report(result, recording, plant, Path(report), certificate)
-    return result
-
-
-def _with_draws(log: Recording, rig: Rig, result: Result, draws: int, options: dict[str, object]) -> Result:
-    """The result with the distribution of its parameters."""
-    from swingid.study.monte_carlo import monte_carlo
-
-    return monte_carlo(log, rig, result.method, result, draws, options=options, progress=Progress("draws"))
+            show = Progress("draws")
+            result = monte_carlo(recording, plant, result.method, result, draws, options=options, progress=show)
+    return result, recording, plant
 
 
 def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording | LargeLog | SwingidError]:

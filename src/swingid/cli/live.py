@@ -35,9 +35,7 @@ def recover(
 
     A journal that is cut off can be identified as it is; other programs (Foxglove) want a whole file.
     """
-    if out is not None:
-        output.check_targets({"--out": out}, {file: "the broken file"})
-        output.check_writable(out)
+    output.check_files({file: "the broken file"}, out=out)
     from swingid.live.recover import recover as run
 
     recovered, path = run(file, out)
@@ -79,15 +77,14 @@ def run(
     """
     if not out.endswith(".mcap"):
         raise UsageError(f"--out {out}: a journal is MCAP; give a name that ends in .mcap", code="bad-target")
-    output.check_targets({"--out": out, "--json": json, "--report": report}, {rig: "the rig file"})
-    output.check_writable(out, json, report)
+    output.check_files({rig: "the rig file"}, out=out, json=json, report=report)
     from swingid.control.references import reference_for
     from swingid.live.experiment import Order, required
     from swingid.model.rig import Rig
 
     plant = Rig.load(rig)
     share = 0.0 if until is None else _share(until)
-    order = Order(reference_for(reference, plant), compensator_of(plant, gains, {}), duration, share, clear=clear)
+    order = Order(reference_for(reference, plant), compensator_of(plant, gains), duration, share, clear=clear)
     required(order)
     compile_first("simulate")
     address = address_of(device, plant)
@@ -147,10 +144,7 @@ def identified(out: str, plant: Rig, method: str, provenance: dict[str, object],
     provenance |= {"rig": plant.name, "log_sha256": log.source.sha256, "rows": len(log)}
     compile_first(*kernels_of(method, log, plant))
     result = identify(log, plant, method)
-    if report is not None:
-        from swingid.report import write_report
-
-        write_report(result, log, plant, Path(report))
+    output.write_report(result, log, plant, report)
     return result
 
 

@@ -124,9 +124,7 @@ def inspect(
     The verdict is whether it is ready for identify. Exit code 0 whenever the file could be read, whatever the verdict.
     """
     inputs = {log: "the log"} | ({rig: "the rig file"} if rig is not None else {})
-    output.check_files(inputs, json=json, report=report)
-    output.check_targets({"--plot": None if plot == "-" else plot, "--json": json, "--report": report}, inputs)
-    output.check_writable(plot)
+    output.check_files(inputs, plot=None if plot == "-" else plot, json=json, report=report)
     from swingid.model.rig import Rig
     from swingid.model.rig.inside import has_rig
     from swingid.study.inspect import inspect_log

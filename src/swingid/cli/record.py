@@ -39,8 +39,7 @@ def record(
     if not all(names):
         raise UsageError(f"--columns {columns!r}: a name is empty", code="bad-columns")
     stream = open_columns(device)
-    output.check_targets({"--out": out}, {stream.path: "what is recorded"} if stream.path else {})
-    output.check_writable(out)
+    output.check_files({stream.path: "what is recorded"} if stream.path else {}, out=out)
     try:
         recorded = run(stream, out, seconds=duration, idle=idle, names=names, rate=rate, cut=stream.path is None)
     finally:

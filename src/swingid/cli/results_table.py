@@ -34,8 +34,7 @@ def tabulate(
     given = next((name for name, value in others.items() if value), None)
     if given is not None:
         raise UsageError(f"{given} is for one result; leave it out beside --table", code="not-in-a-table")
-    output.check_targets({"--table": target}, {rig: "the rig file"} | dict.fromkeys(logs, "a log"))
-    output.check_writable(target)
+    output.check_files({rig: "the rig file"} | dict.fromkeys(logs, "a log"), table=target)
     output.check_once(logs)
     from swingid.model.rig import Rig
     from swingid.pooling.selected import parts_of

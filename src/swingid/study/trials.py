@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swingid.errors import SwingidError
 from swingid.identification import identify
@@ -28,6 +29,9 @@ AT_LIMIT = 0.999
 """Share of the voltage limit from which on a command counts as saturated."""
 
 Row = dict[str, Any]
+
+Columns = Mapping[str, NDArray[Any]]
+"""Rows by column."""
 
 FAILED, REFUSED = "failed", "refused"
 """Status of a row where there was no log, and where the method has no number; others are those of a result."""
@@ -163,6 +167,11 @@ def _number(value: object) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
 
 
+def columns_of(rows: Sequence[Row]) -> Columns:
+    """The columns of rows that have the same keys."""
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
 @dataclass(frozen=True)
 class Expectation:
     """What to expect of one method: relative errors of the inertia, and half-widths of its 95 % intervals, per run.
@@ -177,15 +186,15 @@ class Expectation:
     warnings: dict[str, int]
 
     @classmethod
-    def of(cls, rows: Sequence[Row]) -> Expectation:
-        """Summarise some rows of one method and quantity."""
-        lows, highs, truths = (np.array([row[name] for row in rows]) for name in ("low", "high", "truth"))
+    def of(cls, method: str, columns: Columns) -> Expectation:
+        """Summarise rows of one method and quantity; where the truth is 0 there is no relative error."""
+        truth = np.where(columns["truth"] == 0.0, np.nan, columns["truth"])
         return cls(
-            rows[0]["method"],
-            np.array([row["error"] for row in rows]),
-            (highs - lows) / 2 / truths,
-            dict(Counter(row["code"] for row in rows if row["code"])),
-            dict(Counter(code for row in rows for code in row["warnings"].split())),
+            method,
+            columns["value"] / truth - 1,
+            np.abs((columns["high"] - columns["low"]) / 2 / truth),
+            dict(Counter(code for code in columns["code"].tolist() if code)),
+            dict(Counter(code for text in columns["warnings"].tolist() for code in text.split())),
         )
 
     @property

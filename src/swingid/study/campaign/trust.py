@@ -7,13 +7,13 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.table import Table, plain
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Bools
     from swingid.study.campaign.plan import Plan
+    from swingid.study.trials import Columns
 
 WIDE = 1.5
 """Half-widths of the 95 % interval beyond which an answer is wrong: 0.3 % of right ones are, if errors are normal."""
@@ -36,7 +36,7 @@ class Trust:
     crashed: int
 
     @classmethod
-    def of(cls, columns: Mapping[str, NDArray[Any]], rows: Bools) -> Trust:
+    def of(cls, columns: Columns, rows: Bools) -> Trust:
         """The counts in some rows of the results; runs without a log do not count."""
         c = {name: columns[name][rows] for name in ("status", "code", "value", "truth", "low", "high")}
         ok = c["status"] == "ok"
@@ -57,7 +57,7 @@ class Trust:
         return f"{self.wrong} = {100 * self.wrong / self.ok:.0f} %" if self.wrong else "–"
 
 
-def trust_of(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[dict[str, Any]]:
+def trust_of(plan: Plan, columns: Columns) -> list[dict[str, Any]]:
     """Counts at each level of each factor with faults, for each method; plain data."""
     return [
         {"factor": factor, "level": str(level), "method": method, **asdict(Trust.of(columns, rows & of_method))}
@@ -67,7 +67,7 @@ def trust_of(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[dict[str, 
     ]
 
 
-def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[Table]:
+def trust_tables(plan: Plan, columns: Columns) -> list[Table]:
     """Make two tables for each factor with faults: by fault, worst first, and by the levels of the other factors."""
     tables = []
     methods = _levels(columns, "method")
@@ -89,7 +89,7 @@ def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[Table]
     return tables
 
 
-def _row(name: str, columns: Mapping[str, NDArray[Any]], rows: Bools, methods: Mapping[str, Bools]) -> tuple[str, ...]:
+def _row(name: str, columns: Columns, rows: Bools, methods: Mapping[str, Bools]) -> tuple[str, ...]:
     by_method = [Trust.of(columns, rows & method) for method in methods.values()]
     return (name, *Trust.of(columns, rows).cells(), *(f"{t.wrong} of {t.ok}" for t in by_method))
 
@@ -99,7 +99,7 @@ def fault_factors(plan: Plan) -> list[str]:
     return [name for name, factor in plan.tables.factors.items() if (factor.key or "").startswith("faults.")]
 
 
-def _levels(columns: Mapping[str, NDArray[Any]], name: str) -> dict[str, Bools]:
+def _levels(columns: Columns, name: str) -> dict[str, Bools]:
     """Rows by the values of a column, in the order of the first of each."""
     return {
         f"{v:g}" if isinstance(v, float) else str(v): columns[name] == v for v in dict.fromkeys(columns[name].tolist())

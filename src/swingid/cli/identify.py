@@ -5,7 +5,8 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from json import loads as parse_json
-from typing import TYPE_CHECKING, Annotated, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -24,15 +25,14 @@ from swingid.cli.options import (
     rig_of,
 )
 from swingid.cli.progress import Progress
-from swingid.cli.results_table import tabulate
-from swingid.errors import SwingidError, UsageError
+from swingid.errors import SwingidError, UnanswerableError, UsageError
 from swingid.methods.table import DEFAULT
 from swingid.processes import cores, keep_memory
 from swingid.progress import shown
-from swingid.system import sha256_begun
+from swingid.system import sha256_begun, write_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping, Sequence
 
     from swingid.model.rig import Rig
     from swingid.recording.large import LargeLog
@@ -115,7 +115,7 @@ def identify(
     if table is not None:
         other = {"--json": json, "--report": report, "--monte-carlo": monte_carlo, "--added": added}
         other |= {"--variant": variant, "--option": option, "--certificate": certificate}
-        tabulate(logs, rig, methods, part, _Reading(dict.fromkeys(without_repair or [], False)).load, table, other)
+        _tabulate(logs, rig, methods, part, _Reading(dict.fromkeys(without_repair or [], False)), table, other)
         return
     if len(methods) > 1:
         raise UsageError(f"--method {methods[1]} is a second method; add --table FILE.csv", code="several-methods")
@@ -228,3 +228,36 @@ def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording
         except SwingidError as error:
             recordings[log] = error
     return recordings
+
+
+def _tabulate(
+    logs: Sequence[str],
+    rig: str,
+    methods: Sequence[str],
+    part: list[str] | None,
+    reading: _Reading,
+    target: str,
+    others: Mapping[str, Any],
+) -> None:
+    """Identify every log by every method and write the table to `target`; others: options that do not go with it.
+
+    Raises UsageError for such an option, UnanswerableError where no log has a number (the table is written).
+    """
+    given = next((name for name, value in others.items() if value), None)
+    if given is not None:
+        raise UsageError(f"{given} is for one result; leave it out beside --table", code="not-in-a-table")
+    output.check_files({rig: "the rig file"} | dict.fromkeys(logs, "a log"), table=target)
+    output.check_once(logs)
+    from swingid.model.rig import Rig
+    from swingid.pooling.selected import parts_of
+    from swingid.study.results_table import results_table
+
+    plant, spans = Rig.load(rig), parts_of(part)
+    with shown(Progress("logs")):
+        table = results_table(
+            logs, lambda log: reading.load(log, plant), plant, list(dict.fromkeys(methods)), part=spans or None
+        )
+    write_whole(Path(target), table.to_csv().encode())
+    output.tell(f"{table.summary()}\nwrote {target}")
+    if not table.answered:
+        raise UnanswerableError(f"none of the logs has a number; {target} has the reasons.", code="all-refused")

@@ -45,10 +45,9 @@ WORKS = {"held": "work of the held voltage", "trapezoid": "work by the trapezoid
 
 @dataclass(frozen=True)
 class Experiment:
-    """One twin's runs by case, the logs that were identified, and the answers as plain data."""
+    """One twin's runs by case, and the answers as plain data."""
 
     runs: dict[str, Run]
-    logs: dict[str, Log]
     answers: dict[str, object]
 
 
@@ -59,8 +58,8 @@ def experiment(friction: str, seed: int, progress: Callable[[str], None]) -> Exp
     logs = {case: runs.read_back(made[case], twins[case], span=runs.SPANS[case]) for case in CASES}
     whole = runs.read_back(made["plain"], twins["plain"])
     rows: list[Answer] = []
-    for estimator in runs.WAYS:
-        progress(f"experiment, {friction} friction: {runs.WAYS[estimator].words}")
+    for estimator, way in runs.WAYS.items():
+        progress(f"experiment, {friction} friction: {way.words}")
         rows.append(_row(estimator, logs, whole))
     answers: dict[str, object] = {
         "friction": friction,
@@ -68,7 +67,7 @@ def experiment(friction: str, seed: int, progress: Callable[[str], None]) -> Exp
         "controller": {case: controller(made[case]) for case in CASES},
         "first_interval": {case: _first_interval(made[case], twins[case]) for case in ("plain", "body")},
     }
-    return Experiment(made, logs, answers)
+    return Experiment(made, answers)
 
 
 def _row(estimator: str, logs: dict[str, Log], whole: Log) -> Answer:
@@ -127,8 +126,8 @@ def controller(run: Run, part: Bools | None = None) -> dict[str, float]:
     assert reference is not None
     assert voltage is not None
     grown = np.nonzero(np.diff(gain) > 0)[0]
-    if part is None:
-        part = (log.time >= runs.SPANS["plain"][0]) & (log.time <= runs.SPANS["plain"][1])
+    first, last = runs.SPANS["plain"]
+    part = (log.time >= first) & (log.time <= last) if part is None else part
     e = (reference - log.angle)[part]
     return {
         "k_tilde": float(gain[-1]),
@@ -184,10 +183,9 @@ def simulation(progress: Callable[[str], None]) -> Simulation:
     log = runs.read_back(run, runs.ideal_rig())
     rows = [_at_the_times(log, work, letter) for letter in (True, False) for work in WORKS]
     for estimator in ("printed", "better", "momentum", "nls-viscous"):
-        progress(f"ideal simulation of Fig. 7: {runs.WAYS[estimator].words}")
-        rows.append(
-            _simulation_row(runs.WAYS[estimator].words + ", all intervals" * (estimator == "printed"), estimator, log)
-        )
+        words = runs.WAYS[estimator].words
+        progress(f"ideal simulation of Fig. 7: {words}")
+        rows.append(_simulation_row(words + ", all intervals" * (estimator == "printed"), estimator, log))
     progress("backstepping of Fig. 8, 10 kHz")
     curves = tuple(curve_of(law, frequency) for frequency in FREQUENCIES for law in ("printed", "consistent"))
     settled = controller(run, run.recording.time > run.recording.time[-1] / 2)

@@ -33,8 +33,7 @@ def export(
 
 def schema(name: Annotated[Literal["result", "rig", "plan"], typer.Argument(help="Of which file.")]) -> None:
     """Print the JSON schema of a result, a rig file or a plan, for editors and other programs."""
-    import json
-
     from swingid.exchange.schemas import schema as find
+    from swingid.study.output import json_text
 
-    output.write_json(json.dumps(find(name), indent=2, ensure_ascii=False) + "\n", "-")
+    output.write_json(json_text(find(name)), "-")

@@ -202,11 +202,9 @@ def datasets(
 
 def _show(sets: tuple[DataSet, ...], json: str | None) -> None:
     if json is not None:
-        from dataclasses import asdict
-        from json import dumps
+        from swingid.study.output import json_text
 
-        content = {"schema": "swingid.datasets/1", "datasets": [asdict(dataset) for dataset in sets]}
-        output.write_json(dumps(content, indent=2, ensure_ascii=False) + "\n", json)
+        output.write_json(json_text({"schema": "swingid.datasets/1", "datasets": sets}), json)
     else:
         output.tell("\n\n".join(_entry(dataset) for dataset in sets))
 

@@ -86,7 +86,9 @@ def simulate(
     _check_controller(controller, law, gains, given)
     if voltage is not None and reference is not None:
         raise UsageError("--voltage is without control, --reference with it; give one of them", code="two-drives")
-    _check_length(duration, rate)
+    if duration * rate > MOST_ROWS:
+        text = f"--duration {duration:g} s at --rate {rate:g} is more than {MOST_ROWS} rows; simulate a shorter run"
+        raise UsageError(text, code="too-long")
     writer_for(Path(out))
     output.check_target(Path(out))
     from swingid.control.references import reference_for
@@ -116,13 +118,6 @@ def simulate(
             plant, motion, chosen, duration=duration, rate=rate, seed=seed, initial_angle=angle, drive=drive, draw=draw
         )
     output.tell(_line(log, Path(out), plant, chosen))
-
-
-def _check_length(duration: float, rate: float) -> None:
-    """Raise UsageError for more than `MOST_ROWS` rows."""
-    if duration * rate > MOST_ROWS:
-        text = f"--duration {duration:g} s at --rate {rate:g} is more than {MOST_ROWS} rows; simulate a shorter run"
-        raise UsageError(text, code="too-long")
 
 
 def _require_decay(rig: Rig, angle: float) -> None:

@@ -210,10 +210,9 @@ def extra_table(result: Result) -> Table:
     """Further figures of merit that the method gives, as shares where they are known to be shares."""
     extra = result.details.extra if result.details else {}
     rows = [
-        (
-            EXTRA.get(name, name.replace("_", " ")),
-            percent(value, fine=True) if name in EXTRA else number(value, fine=True),
-        )
+        (EXTRA[name], percent(value, fine=True))
+        if name in EXTRA
+        else (name.replace("_", " "), number(value, fine=True))
         for name, value in extra.items()
     ]
     return pairs(rows, "number")
@@ -299,15 +298,11 @@ def method_table(result: Result, rig: Rig | None) -> Table:
 
 def _correction(correction: dict[str, Any]) -> str:
     """'wheel latency (0.20 ± 0.10) ms, stated'."""
-    size = (
-        ""
-        if correction.get("value") is None
-        else plus_minus(correction["value"], correction["standard_uncertainty"], correction["unit"], fine=True)
-    )
-    return (
-        f"{correction['channel']} {str(correction['kind']).replace('_', ' ')} {size}".strip()
-        + f", {correction['origin']}"
-    )
+    what = f"{correction['channel']} {str(correction['kind']).replace('_', ' ')}"
+    if correction.get("value") is not None:
+        size = (correction[key] for key in ("value", "standard_uncertainty", "unit"))
+        what += f" {plus_minus(*size, fine=True)}"
+    return f"{what.strip()}, {correction['origin']}"
 
 
 def correlation_table(result: Result) -> Table:

@@ -21,9 +21,9 @@ BASE = "base"
 """Label of a factor that is as the base has it, where one factor at a time is varied."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plan:
-    """A plan with the rig files that it names.
+    """A plan with the rig files that it names; equal to another where what decides the results is.
 
     tables: the checked file; document: the same as plain data; rigs: (source, text) by the name in the plan; source:
     the file, for messages; runs: at most so many trials, None for all.
@@ -34,6 +34,16 @@ class Plan:
     rigs: Mapping[str, tuple[str, str]]
     source: str
     runs: int | None = None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Plan) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    @cached_property
+    def _key(self) -> tuple[str, str]:
+        return self.source, repr(self.identity())
 
     @cached_property
     def points(self) -> list[Point]:

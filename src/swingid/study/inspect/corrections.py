@@ -187,7 +187,7 @@ def _attempts(table: Table, rig: Rig, several: list[dict[str, object]], source: 
 
 
 def _set_right(attempts: list[_Attempt], code: str, text: str) -> tuple[list[Check], Rig, Recording, dict[str, object]]:
-    """As `physics`, by the attempt with the fewest repairs."""
+    """What `physics` returns, by the attempt with the fewest repairs."""
     best = min(attempts, key=lambda attempt: attempt.repairs)
     if code == "units":
         unit = UNIT_WORDS[str(best.changes["log.wheel_angle_unit"])]

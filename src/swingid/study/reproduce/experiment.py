@@ -58,8 +58,8 @@ def experiment(friction: str, seed: int, progress: Callable[[str], None]) -> Exp
     logs = {case: runs.read_back(made[case], twins[case], span=runs.SPANS[case]) for case in CASES}
     whole = runs.read_back(made["plain"], twins["plain"])
     rows: list[Answer] = []
-    for estimator, way in runs.WAYS.items():
-        progress(f"experiment, {friction} friction: {way.words}")
+    for estimator in runs.WAYS:
+        progress(f"experiment, {friction} friction: {runs.WAYS[estimator].words}")
         rows.append(_row(estimator, logs, whole))
     answers: dict[str, object] = {
         "friction": friction,

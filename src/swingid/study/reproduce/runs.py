@@ -148,7 +148,7 @@ class Way:
     options: Mapping[str, object] = field(default_factory=dict)
 
 
-WAYS = {name: Way(**way) for name, way in published.stated_in("cases")["way"].items()}
+WAYS = {name: Way(**stated) for name, stated in published.stated_in("cases")["way"].items()}
 """By name, in the order of the tables."""
 
 

@@ -151,7 +151,8 @@ def _convergence(results: dict[str, Any]) -> list[Row]:
 def _imperfections(imperfections: list[dict[str, Any]], published: dict[str, float]) -> Iterator[Row]:
     for row in imperfections:
         several = row["draws"] > 1
-        texts = [signed(row.get(way, {}).get(key)) for way in ("printed", "nls", "momentum") for key in ("j1", "j_e")]
+        answers = [row.get(estimator, {}) for estimator in ("printed", "nls", "momentum")]
+        texts = [signed(answer.get(key)) for answer in answers for key in ("j1", "j_e")]
         words = row["words"] + (f" (RMS of {row['draws']})" if several else "")
         shown = [text.lstrip("+") for text in texts] if several else texts
         yield words, *shown, _alone(row, published["proposed"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
 from json import loads as parse_json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -40,25 +39,6 @@ if TYPE_CHECKING:
     from swingid.result.result import Result
 
 Provenance = dict[str, object]
-
-
-@dataclass(frozen=True, slots=True)
-class _Reading:
-    """How logs are read: the switches of the repairs, and `digest`, which gives the SHA-256 of the only large log."""
-
-    repairs: dict[str, bool]
-    digest: Callable[[], str] | None = None
-
-    def load(self, log: str, rig: Rig) -> Recording | LargeLog:
-        """The recording in a file, a `LargeLog` where it is large; raises as `Recording.load`."""
-        from swingid.recording.large import LargeLog, is_large
-        from swingid.recording.recording import Recording
-
-        if is_large(log):
-            keep_memory()
-            show = Progress("million rows", 1e6)
-            return LargeLog(log, rig, self.repairs, None, show, cores(), self.digest)
-        return Recording.load(log, rig, repairs=self.repairs)
 
 
 def identify(
@@ -112,10 +92,11 @@ def identify(
     Several logs of one body give one inertia, how far the logs scatter, and which of them disagree.
     """
     rig, methods = rig_of(rig, logs), method or [DEFAULT]
+    repairs = dict.fromkeys(without_repair or [], False)
     if table is not None:
         other = {"--json": json, "--report": report, "--monte-carlo": monte_carlo, "--added": added}
         other |= {"--variant": variant, "--option": option, "--certificate": certificate}
-        _tabulate(logs, rig, methods, part, _Reading(dict.fromkeys(without_repair or [], False)), table, other)
+        _tabulate(logs, rig, methods, part, repairs, table, other)
         return
     if len(methods) > 1:
         raise UsageError(f"--method {methods[1]} is a second method; add --table FILE.csv", code="several-methods")
@@ -135,16 +116,14 @@ def identify(
     from swingid.pooling.selected import parts_of
 
     spans = parts_of(part)
-    reading = _Reading(dict.fromkeys(without_repair or [], False))
     source: Provenance = {"log": logs[0]} if len(logs) == 1 else {"logs": logs}
     if part:
         source["part"] = part[0] if len(part) == 1 else part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
     begun = sha256_begun(logs[0]) if len(logs) == 1 else nullcontext()  # while packages are imported
     with output.refusals_to(json, name, provenance, report, stated), begun as digest:
-        reading = replace(reading, digest=digest)
         output.check_writable(json, report)
-        result, log, plant = _identify(logs, rig, name, options, reading, spans, provenance, monte_carlo)
+        result, log, plant = _identify(logs, rig, name, options, repairs, digest, spans, provenance, monte_carlo)
         output.write_report(result, log, plant, report, stated)
     from swingid.result.brief import brief
 
@@ -174,7 +153,8 @@ def _identify(
     rig: str,
     method: str,
     options: dict[str, object],
-    reading: _Reading,
+    repairs: Mapping[str, bool],
+    digest: Callable[[], str] | None,
     spans: list[tuple[float, float]],
     provenance: Provenance,
     draws: int | None,
@@ -186,20 +166,20 @@ def _identify(
     from swingid.recording.findings import switched_off
     from swingid.recording.recording import Recording
 
-    switched_off(reading.repairs)  # a name that is none is a wrong usage, not a log that cannot be used
+    switched_off(repairs)  # a name that is none is a wrong usage, not a log that cannot be used
     plant = Rig.load(rig)
     provenance |= {"rig": plant.name, "rig_source": plant.source}
     if draws is not None and max(len(logs), len(spans)) > 1:
         raise UsageError("--monte-carlo is for one log; identify the logs or parts one by one", code="not-drawn")
     if len(logs) > 1:
         recording = None
-        loaded = _loaded(logs, plant, reading)
+        loaded = _loaded(logs, plant, repairs)
         whole = [log for log in loaded.values() if isinstance(log, Recording)]
         compile_first(*(task for log in whole for task in kernels_of(method, log, plant, options.get("input"))))
         with shown(Progress("logs")):
             result = run(loaded, plant, method, part=spans, **options)
     else:
-        log = reading.load(logs[0], plant)
+        log = _load(logs[0], plant, repairs, digest)
         if len(spans) == 1:
             log, spans = selected(log, spans[0]), []
         recording = log if isinstance(log, Recording) else None
@@ -217,14 +197,30 @@ def _identify(
     return result, recording, plant
 
 
-def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording | LargeLog | SwingidError]:
+def _load(
+    log: str, rig: Rig, repairs: Mapping[str, bool], digest: Callable[[], str] | None = None
+) -> Recording | LargeLog:
+    """The recording in a file, a `LargeLog` where it is large; raises as `Recording.load`.
+
+    digest: gives the SHA-256 of a large log.
+    """
+    from swingid.recording.large import LargeLog, is_large
+    from swingid.recording.recording import Recording
+
+    if is_large(log):
+        keep_memory()
+        return LargeLog(log, rig, repairs, None, Progress("million rows", 1e6), cores(), digest)
+    return Recording.load(log, rig, repairs=repairs)
+
+
+def _loaded(logs: list[str], rig: Rig, repairs: Mapping[str, bool]) -> dict[str, Recording | LargeLog | SwingidError]:
     """The logs by their names; the error of one that cannot be used in its place, for the others still count."""
     recordings: dict[str, Recording | LargeLog | SwingidError] = {}
     for log in logs:
         if log in recordings:
             raise UsageError(f"{log} was given twice; a run counts once", code="same-log-twice")
         try:
-            recordings[log] = reading.load(log, rig)
+            recordings[log] = _load(log, rig, repairs)
         except SwingidError as error:
             recordings[log] = error
     return recordings
@@ -235,7 +231,7 @@ def _tabulate(
     rig: str,
     methods: Sequence[str],
     part: list[str] | None,
-    reading: _Reading,
+    repairs: Mapping[str, bool],
     target: str,
     others: Mapping[str, Any],
 ) -> None:
@@ -255,7 +251,7 @@ def _tabulate(
     plant, spans = Rig.load(rig), parts_of(part)
     with shown(Progress("logs")):
         table = results_table(
-            logs, lambda log: reading.load(log, plant), plant, list(dict.fromkeys(methods)), part=spans or None
+            logs, lambda log: _load(log, plant, repairs), plant, list(dict.fromkeys(methods)), part=spans or None
         )
     write_whole(Path(target), table.to_csv().encode())
     output.tell(f"{table.summary()}\nwrote {target}")

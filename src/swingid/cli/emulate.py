@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from typing import Annotated, Literal, NoReturn
+from typing import Annotated, Literal
 
 import typer
 
@@ -58,7 +58,7 @@ def emulate(
         draw=draw,
     )
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _interrupt)
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     what = "the C firmware" if compiled else "the firmware in Python"
     if firmware == "auto" and not compiled:
         what += f" ({obstacle})"
@@ -70,7 +70,3 @@ def emulate(
     finally:
         device.close()
     output.tell(pace.words(rate))
-
-
-def _interrupt(*_: object) -> NoReturn:
-    raise KeyboardInterrupt

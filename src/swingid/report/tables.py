@@ -26,7 +26,6 @@ from swingid.result.summary import (
     why_unknown,
 )
 from swingid.table import Cell, Column, Table, pairs
-from swingid.uncertainty.budget import Parameter
 from swingid.uncertainty.freedom import MANY
 from swingid.units import Quantity
 
@@ -70,7 +69,9 @@ def parameter_table(result: Result, *, linear: bool) -> Table:
     rows = []
     for name, parameter in result.parameters.items():
         bounds = parameter.interval95
-        ends = interval(bounds, middle=parameter.value, fine=True) + _coverage(parameter) if bounds else ""
+        ends = interval(bounds, middle=parameter.value, fine=True) if bounds else ""
+        if ends and parameter.degrees_of_freedom < MANY:  # so few that they widen the interval
+            ends += f" (k = {parameter.coverage_factor:.2f}, ν = {freedom_text(parameter)})"
         reach = ends or f"uncertainty unknown: {why_unknown(result, name)}"
         words = str(parameter_word(name, linear=linear))
         rows.append((Cell(words, name), value_text(parameter, fine=True), relative(parameter, fine=True), reach))
@@ -87,13 +88,6 @@ def log_table(result: Result, body: str) -> Table:
         Column("", "text"),
     )
     return Table(columns, tuple(tuple(log_row(of_log, result, fine=True)) for of_log in result.per_log))
-
-
-def _coverage(parameter: Parameter) -> str:
-    """Coverage factor and degrees of freedom where these are so few that they widen the interval."""
-    if parameter.degrees_of_freedom >= MANY:
-        return ""
-    return f" (k = {parameter.coverage_factor:.2f}, ν = {freedom_text(parameter)})"
 
 
 def rig_table(rig: Rig) -> Table:

@@ -80,12 +80,6 @@ class Head:
     loop: Loop = field(default_factory=Loop)
     bounds: dict[str, float] = field(default_factory=dict)
 
-    def _true(self, quantity: str) -> float:
-        """The true value of a parameter, or of a ratio such as "gravity_torque/inertia"; NaN where there is none."""
-        over, slash, under = quantity.partition("/")
-        value = _number(self.truth.get(over))
-        return value / _number(self.truth.get(under)) if slash else value
-
     def row(
         self,
         method: str,
@@ -96,7 +90,13 @@ class Head:
     ) -> Row:
         """A row with a number, with the reason why there is none, or with neither."""
         nothing = dict.fromkeys(("value", "u", "low", "high", "error"), math.nan)
-        code, message = _reason(estimate) if isinstance(estimate, Exception) else ("", "")
+        code, message = "", ""
+        if isinstance(estimate, SwingidError):
+            code, message = estimate.code, estimate.message
+        elif isinstance(estimate, Exception):
+            code, message = f"bug-{type(estimate).__name__}", " ".join(str(estimate).split())[:200]
+        over, _, under = quantity.partition("/")  # a parameter, or a ratio such as "gravity_torque/inertia"
+        truth = _number(self.truth.get(over)) / (_number(self.truth.get(under)) if under else 1.0)
         row = {
             **self.place,
             "method": method,
@@ -105,7 +105,7 @@ class Head:
             "code": code,
             "message": message,
             "warnings": " ".join(sorted(set(warnings))),
-            "truth": self._true(quantity),
+            "truth": truth,
             **nothing,
             "bound": self.bounds.get(quantity, math.nan),
             **asdict(self.loop),
@@ -114,7 +114,7 @@ class Head:
             return row
         low, high = estimate.interval95 or (math.nan, math.nan)
         u = math.nan if estimate.standard_uncertainty is None else estimate.standard_uncertainty
-        error = estimate.value / row["truth"] - 1 if row["truth"] else math.nan
+        error = estimate.value / truth - 1 if truth else math.nan
         return row | {"value": estimate.value, "u": u, "low": low, "high": high, "error": error}
 
 
@@ -155,12 +155,6 @@ def _answer(head: Head, name: str, quantity: str, result: Result | Exception) ->
         return head.row(name, quantity, missing, REFUSED)
     warnings = (warning.code for warning in result.warnings)
     return head.row(name, quantity, result.parameters[quantity], result.status, warnings)
-
-
-def _reason(error: Exception) -> tuple[str, str]:
-    if isinstance(error, SwingidError):
-        return error.code, error.message
-    return f"bug-{type(error).__name__}", " ".join(str(error).split())[:200]
 
 
 def _number(value: object) -> float:

@@ -134,7 +134,9 @@ def points_of(plan: PlanTables) -> list[Point]:
     base: dict[str, float | str] = dict.fromkeys(factors, BASE)
     points = [Point(dict(base), {})]
     for name, levels in listed.items():
-        points += [Point(base | {name: _text(level.labels[name])}, level.settings) for level in levels]
+        for level in levels:
+            label = level.labels[name]
+            points.append(Point(base | {name: label if isinstance(label, str) else f"{label:g}"}, level.settings))
     return points
 
 
@@ -223,7 +225,3 @@ def _joined(levels: tuple[Point, ...] | list[Point]) -> Point:
         labels |= level.labels
         settings |= level.settings
     return Point(labels, settings)
-
-
-def _text(label: float | str) -> str:
-    return label if isinstance(label, str) else f"{label:g}"

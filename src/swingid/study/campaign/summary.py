@@ -314,15 +314,10 @@ def share(value: tuple[float, float]) -> str:
     return f"{100 * value[0]:.{digits}f}{error} %"
 
 
-def used_headings(cells: Sequence[Cell]) -> tuple[str, ...]:
-    """The headings under which at least one cell has an entry."""
-    rows = [figures(cell.statistics) for cell in cells]
-    return tuple(h for k, h in enumerate(HEADINGS) if any(row[k] for row in rows))
-
-
 def statistics_table(cells: Sequence[Cell], factor: str = "", *, fine: bool = False) -> Table:
     """The figures of every method, at each level of `factor` where one is given; `fine` for pages."""
-    headings = used_headings(cells)
+    entries = [figures(cell.statistics) for cell in cells]
+    headings = [heading for k, heading in enumerate(HEADINGS) if any(row[k] for row in entries)]
     rows = [(cell_name(c), *figures(c.statistics, headings, fine=fine)) for c in cells]
     numbers = tuple(Column(heading, "number", True) for heading in headings)
     if not factor:

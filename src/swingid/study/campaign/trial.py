@@ -108,8 +108,10 @@ def _rows_together(plan: Plan, point: int, trials: list[int]) -> list[Row]:
         return [head_of(plan, trials[0]).row(name, "inertia", error, FAILED) for name in names]
     estimated = [_estimates(method, runs, experiment, chosen) for _, method, _ in experiment.methods]
     rows = []
+    assert experiment.twin.axis.inertia is not None
     for k, trial in enumerate(trials):
-        truth = {"inertia": _inertia(experiment, seeds[k])}
+        drawn = draw_constants(experiment.twin, seeds[k]) if experiment.draw else {}
+        truth = {"inertia": drawn.get("axis.inertia", experiment.twin.axis.inertia.value)}
         bounds = bounds_of(plan, experiment, runs.recording(k)) if plan.tables.bound else {}
         head = replace(head_of(plan, trial), truth=truth, bounds=bounds)
         rows += [_row(head, name, estimates, k) for name, estimates in zip(names, estimated, strict=True)]
@@ -134,13 +136,6 @@ def _estimates(method: str, runs: Ensemble, experiment: Experiment, chosen: batc
         return energy_batch(angle, wheel, runs.channel("command"), experiment.rate, stated, chosen, threads=1)
     except Exception as error:  # as in `run_trial`
         return error
-
-
-def _inertia(experiment: Experiment, seed: int) -> float:
-    """The twin's inertia, as drawn."""
-    assert experiment.twin.axis.inertia is not None
-    drawn = draw_constants(experiment.twin, seed) if experiment.draw else {}
-    return drawn.get("axis.inertia", experiment.twin.axis.inertia.value)
 
 
 def _row(head: Head, name: str, estimates: batch.Batch | Exception, k: int) -> Row:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -80,18 +79,17 @@ def trust_tables(plan: Plan, columns: Columns) -> list[Table]:
             (n for n, t in counts.items() if t.answers), key=lambda n: -counts[n].wrong / max(counts[n].ok, 1)
         )
         groups = {"nothing wrong": clean, "**any fault**": ~clean} | {name: of_fault[name] for name in ranked}
-        by_fault = tuple(_row(name, columns, rows, methods) for name, rows in groups.items())
-        tables.append(Table(plain(factor, *HEADINGS, *methods), by_fault))
+        by_fault = []
+        for name, rows in groups.items():
+            by_method = [Trust.of(columns, rows & method) for method in methods.values()]
+            cells = (f"{trust.wrong} of {trust.ok}" for trust in by_method)
+            by_fault.append((name, *Trust.of(columns, rows).cells(), *cells))
+        tables.append(Table(plain(factor, *HEADINGS, *methods), tuple(by_fault)))
         others = [other for other in (*plan.tables.factors, "method") if other != factor]
         levels = {f"{o} {v}": rows for o in others for v, rows in _levels(columns, o).items()}
         by_level = tuple((n, *Trust.of(columns, r & ~clean).cells()) for n, r in levels.items())
         tables.append(Table(plain("with a fault", *HEADINGS), by_level))
     return tables
-
-
-def _row(name: str, columns: Columns, rows: Bools, methods: Mapping[str, Bools]) -> tuple[str, ...]:
-    by_method = [Trust.of(columns, rows & method) for method in methods.values()]
-    return (name, *Trust.of(columns, rows).cells(), *(f"{t.wrong} of {t.ok}" for t in by_method))
 
 
 def fault_factors(plan: Plan) -> list[str]:

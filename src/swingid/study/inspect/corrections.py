@@ -137,7 +137,8 @@ def physics(
     except SwingidError as error:
         turned = _attempts(table, rig, _other_signs(rig), source) if error.code == "wrong-sign" else []
         if not turned:
-            return [_unread(error, source)], rig, log, {}
+            title = "signs" if error.code == "wrong-sign" else "balance"
+            return [Check(error.code, title, "fault", without_path(error, source), "")], rig, log, {}
         return _set_right(turned, "signs", without_path(error, source))
     checks = check_physics(balance, rig)
     off = any(check.code == GRAVITY for check in checks)  # a wheel in another unit is a scale that is off
@@ -166,10 +167,6 @@ class _Attempt:
     checks: list[Check]
     left: float
 
-    @property
-    def repairs(self) -> int:
-        return sum(check.level == "repair" for check in self.checks)
-
 
 def _attempts(table: Table, rig: Rig, several: list[dict[str, object]], source: Source) -> list[_Attempt]:
     """The checks under changed conventions, but for those that the balance refuses too."""
@@ -188,7 +185,7 @@ def _attempts(table: Table, rig: Rig, several: list[dict[str, object]], source: 
 
 def _set_right(attempts: list[_Attempt], code: str, text: str) -> tuple[list[Check], Rig, Recording, dict[str, object]]:
     """What `physics` returns, by the attempt with the fewest repairs."""
-    best = min(attempts, key=lambda attempt: attempt.repairs)
+    best = min(attempts, key=lambda attempt: sum(check.level == "repair" for check in attempt.checks))
     if code == "units":
         unit = UNIT_WORDS[str(best.changes["log.wheel_angle_unit"])]
         head = f"the wheel angle looks like {unit}: with {words(best.changes)} the balance leaves {percent(best.left)}"
@@ -212,11 +209,6 @@ def _other_signs(rig: Rig) -> list[dict[str, object]]:
         return turned
     other: dict[str, object] = {"log.angle_zero": "down" if rig.log.angle_zero == "up" else "up"}
     return [*turned, other, *({**changes, **other} for changes in turned)]
-
-
-def _unread(error: SwingidError, source: Source) -> Check:
-    title = "signs" if error.code == "wrong-sign" else "balance"
-    return Check(error.code, title, "fault", without_path(error, source), "")
 
 
 def words(changes: Mapping[str, object]) -> str:

@@ -14,7 +14,6 @@ import numpy as np
 from swingid.control.backstepping import Backstepping
 from swingid.control.references import Sine
 from swingid.errors import UnanswerableError
-from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools
 from swingid.pooling.difference import difference
 from swingid.preparation.scale import equation_of
@@ -61,11 +60,15 @@ def experiment(friction: str, seed: int, progress: Callable[[str], None]) -> Exp
     for estimator in runs.WAYS:
         progress(f"experiment, {friction} friction: {runs.WAYS[estimator].words}")
         rows.append(_row(estimator, logs, whole))
+    soon = {}
+    for case in ("plain", "body"):
+        ends, errors = runs.interval_errors(runs.read_back(made[case], twins[case]))
+        soon[case] = {f"within {bound:g} %": settled_within(ends, errors, bound) for bound in (5.0, 1.4)}
     answers: dict[str, object] = {
         "friction": friction,
         "rows": rows,
         "controller": {case: controller(made[case]) for case in CASES},
-        "first_interval": {case: _first_interval(made[case], twins[case]) for case in ("plain", "body")},
+        "first_interval": soon,
     }
     return Experiment(made, answers)
 
@@ -139,12 +142,6 @@ def controller(run: Run, part: Bools | None = None) -> dict[str, float]:
     }
 
 
-def _first_interval(run: Run, twin: Rig) -> Answer:
-    """When (6), interval by interval from the start, comes within 5 % for good, and within 1.4 %."""
-    ends, errors = runs.interval_errors(runs.read_back(run, twin))
-    return {f"within {bound:g} %": settled_within(ends, errors, bound) for bound in (5.0, 1.4)}
-
-
 def settled_within(times: np.ndarray, errors: np.ndarray, bound: float) -> float | None:
     """First of `times` from which on all errors stay within ± `bound`; None where the last does not."""
     outside = np.nonzero(~(np.abs(errors) <= bound))[0]
@@ -189,7 +186,11 @@ def simulation(progress: Callable[[str], None]) -> Simulation:
     progress("backstepping of Fig. 8, 10 kHz")
     curves = tuple(curve_of(law, frequency) for frequency in FREQUENCIES for law in ("printed", "consistent"))
     settled = controller(run, run.recording.time > run.recording.time[-1] / 2)
-    answers: dict[str, object] = {"rows": rows, "single": _single(log)}
+    # errors (per cent) of J1^ by (6) from one interval each, where k tilde no longer grows
+    _, errors = runs.interval_errors(log)
+    late = errors[len(errors) // 2 :]
+    single = {"intervals": len(late), "rms": float(np.sqrt(np.mean(late**2))), "worst": float(max(abs(late)))}
+    answers: dict[str, object] = {"rows": rows, "single": single}
     answers |= {name: settled[name] for name in ("k_tilde", "settled", "error_rms")}
     answers["backstepping"] = [_convergence(curve, log) for curve in curves]
     return Simulation(run.recording, curves, log.truth, answers)
@@ -209,13 +210,6 @@ def _at_the_times(log: Log, work: str, letter: bool) -> Answer:
     if not letter:
         return _simulation_row(words, "printed", log, nodes=published.TIMES, work=work)
     return {"words": words} | runs.answer_of(*runs.by_letter(log, published.TIMES, work), log)
-
-
-def _single(log: Log) -> Answer:
-    """Errors (per cent) of J1^ by (6) from one interval each, where k tilde no longer grows."""
-    _, errors = runs.interval_errors(log)
-    settled = errors[len(errors) // 2 :]
-    return {"intervals": len(settled), "rms": float(np.sqrt(np.mean(settled**2))), "worst": float(max(abs(settled)))}
 
 
 @cache

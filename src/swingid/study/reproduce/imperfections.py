@@ -77,14 +77,10 @@ def _row(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int],
         j1, j_e = np.array(errors).T
         row[estimator] = {"j1": _one(j1), "j_e": _one(j_e)}
     if imperfection.draws > 1 and imperfection.group == "sensors":
-        row["single"] = _single(imperfection, seed, logs)
+        # of J1^ by (6) from one interval alone: root mean square over all intervals of all draws
+        drawn = [_log("plain", imperfection, seed + draw, logs) for draw in range(imperfection.draws)]
+        row["single"] = _rms(np.concatenate([runs.interval_errors(log)[1] for log in drawn]))
     return row
-
-
-def _single(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int], Log]) -> float:
-    """Error (per cent) of J1^ by (6) from one interval alone: root mean square over all intervals of all draws."""
-    drawn = [_log("plain", imperfection, seed + draw, logs) for draw in range(imperfection.draws)]
-    return _rms(np.concatenate([runs.interval_errors(log)[1] for log in drawn]))
 
 
 def _one(errors: np.ndarray) -> float | None:

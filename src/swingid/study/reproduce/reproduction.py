@@ -24,6 +24,8 @@ from swingid.study.reproduce.runs import WAYS
 
 SCHEMA = "swingid.reproduce/1"
 
+PUBLISHED = ("J1", "A11_BODY", "J_E_PRINTED", "J_E", "J_E_ERROR", "F1", "SIMULATION_ERROR", "TIMES", "BACKSTEPPING")
+
 DIGITS = 6
 """Significant digits of the numbers in `results`, so that they do not depend on the last bits."""
 
@@ -58,7 +60,7 @@ def reproduce(*, seed: int = 0, quick: bool = False, progress: Callable[[str], N
     results: dict[str, object] = {
         "schema": SCHEMA,
         "seed": seed,
-        "paper": _published(),
+        "paper": {name.lower(): getattr(published, name) for name in PUBLISHED},
         "experiment": [run.answers for run in runs.values()],
         "simulation": ideal.answers,
     }
@@ -72,11 +74,6 @@ def steps(*, quick: bool = False) -> int:
     """How often `reproduce` calls `progress`."""
     always = len(FRICTIONS) * len(WAYS) + SIMULATION_STEPS
     return always + (0 if quick else len(imperfections()) + len(TESTS))
-
-
-def _published() -> dict[str, object]:
-    names = ("J1", "A11_BODY", "J_E_PRINTED", "J_E", "J_E_ERROR", "F1", "SIMULATION_ERROR", "TIMES", "BACKSTEPPING")
-    return {name.lower(): getattr(published, name) for name in names}
 
 
 def plain_data(value: Any) -> Any:

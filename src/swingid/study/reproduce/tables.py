@@ -18,7 +18,9 @@ def tables(results: dict[str, Any]) -> list[Table]:
     """All tables of `Reproduction.results`, or of the JSON it was written to."""
     paper = results["paper"]
     rows: dict[str, list[Row]] = {"glance": _glance(results), "unclear": _unclear()}
-    rows |= {f"experiment-{answers['friction']}": _experiment(answers, paper) for answers in results["experiment"]}
+    printed = [_published(paper, "proposed", "the paper: proposed method"), _published(paper, "nls", "the paper: NLS")]
+    for answers in results["experiment"]:
+        rows[f"experiment-{answers['friction']}"] = printed + [_ways(row) for row in answers["rows"]]
     rows["balanced"] = list(_balanced(results))
     rows["controllers"] = list(_controllers(results))
     rows["simulation"] = _simulation(results)
@@ -81,11 +83,6 @@ def _glance(results: dict[str, Any]) -> list[Row]:
         ("J1, ideal simulation at the paper's times", f"{paper['simulation_error']:g}, average", simulated),
         ("J1, backstepping after 8 s", f"{paper['backstepping'][0]:g}", law),
     ]
-
-
-def _experiment(answers: dict[str, Any], paper: dict[str, Any]) -> list[Row]:
-    printed = [_published(paper, "proposed", "the paper: proposed method"), _published(paper, "nls", "the paper: NLS")]
-    return [*printed, *(_ways(row) for row in answers["rows"])]
 
 
 def _published(paper: dict[str, Any], estimator: str, words: str) -> tuple[str, ...]:

@@ -272,7 +272,7 @@ def _announcing(name, module, ways):
             "experiment": len(ways),
             "simulation": module.SIMULATION_STEPS,
             "imperfection_rows": len(module.imperfections()),
-            "claim_rows": len(module.claims.TESTS) + len(module.claims_control.TESTS),
+            "claim_rows": len(module.TESTS),
         }[name]
         for k in range(count):
             report(f"{name} {k}")

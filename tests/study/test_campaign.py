@@ -186,7 +186,7 @@ def test_runs_done_together_are_those_of_a_single_log(tmp_path: Path) -> None:
     assert np.sqrt(np.mean((value / truth - 1) ** 2)) < 2e-4
     # windows of so short a log are few, so that the least uncertainty that the sensors allow is often the one told
     assert 0.4 < np.sqrt(np.mean(((value - truth) / u) ** 2)) < 1.6
-    alone = trial.experiment_at(trial.Known(plan), 1).log(rows[25]["seed"])
+    alone = trial.experiment_at(plan, 1).log(rows[25]["seed"])
     assert alone.metadata["truth"]["inertia"] == rows[25]["truth"]
 
 

@@ -14,21 +14,26 @@ from swingid.errors import InputError
 from swingid.report.html import write_campaign
 from swingid.study.campaign.loading import plan_from_text
 from swingid.study.campaign.store import Store
-from swingid.study.campaign.summary import Answers, levels_in, statistics_of, summary_of
+from swingid.study.campaign.summary import levels_in, statistics_of, summary_of
 
 TRUTH = 2.0
 
 
-def answers(errors, half_widths, bounds=None, points=None) -> Answers:
+def answers(errors, half_widths, bounds=None, points=None) -> dict[str, np.ndarray]:
+    """Rows with these relative errors, by column."""
     errors = np.asarray(errors, dtype=float)
     n = len(errors)
-    return Answers(
-        np.zeros(n, int) if points is None else np.asarray(points),
-        np.full(n, TRUTH),
-        TRUTH * (1 + errors),
-        TRUTH * np.broadcast_to(half_widths, n).astype(float),
-        np.full(n, np.nan) if bounds is None else TRUTH * np.broadcast_to(bounds, n).astype(float),
-    )
+    value, reach = TRUTH * (1 + errors), TRUTH * np.broadcast_to(half_widths, n).astype(float)
+    return {
+        "point": np.zeros(n, int) if points is None else np.asarray(points),
+        "truth": np.full(n, TRUTH),
+        "value": value,
+        "low": value - reach,
+        "high": value + reach,
+        "bound": np.full(n, np.nan) if bounds is None else TRUTH * np.broadcast_to(bounds, n).astype(float),
+        "code": np.full(n, ""),
+        "warnings": np.full(n, ""),
+    }
 
 
 def test_figures_of_four_errors() -> None:
@@ -71,8 +76,7 @@ def test_what_did_not_answer_counts_as_a_run_and_no_more() -> None:
 
 
 def test_a_truth_of_zero_has_no_relative_error() -> None:
-    zero = answers([0.01, 0.02], 0.01)
-    s = statistics_of(Answers(zero.point, np.zeros(2), zero.value, zero.half_width, zero.bound))
+    s = statistics_of(answers([0.01, 0.02], 0.01) | {"truth": np.zeros(2)})
     assert (s.runs, s.answered) == (2, 0)
     assert np.isnan(s.rmse[0])
 

@@ -22,9 +22,8 @@ from swingid.report.paper import DRAW, Drawing, with_tables, write_paper
 from swingid.study.changes import Times, changed
 from swingid.study.design.motions import course_of
 from swingid.study.reproduce import reproduce, tables
-from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY, verdict
+from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY, needed_voltage, verdict
 from swingid.study.reproduce.claims import LAWS as LAWS_OF_CLAIM
-from swingid.study.reproduce.claims_control import needed_voltage
 from swingid.study.reproduce.experiment import controller, converged, settled_within
 from swingid.study.reproduce.imperfections import imperfections
 from swingid.study.reproduce.reproduction import plain_data

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, PlainValidator, ValidationError, model_validator
+from pydantic import AfterValidator, Field, PlainValidator, model_validator
 
 from swingid.errors import InputError
-from swingid.model.rig.errors import describe
 from swingid.model.rig.fields import Column, Table, given, quantity, quantity_in, refuse
+from swingid.model.rig.toml_file import checked, tables_of, text_of
 from swingid.numerics.arrays import Array
 from swingid.quantity_text import shown
-from swingid.system import read_input
 from swingid.units import Quantity
 
 STEEPEST = math.radians(10)
 """Largest tilt (rad): above it the second order of the direction, tilt², exceeds 3 % of a moment."""
+
+FILE = "a file of axes"
 
 LARGEST = 10_000_000
 """Bytes beyond which no file of axes is read."""
@@ -183,24 +183,14 @@ def load_axes(path: str | Path, results: int = 0) -> Axes:
 
     Raises InputError that names file, axis and key for a file that is missing, unreadable, no TOML or no list of axes.
     """
-    name = str(path)
-    advice = "docs/tensor.md shows one", ("not-a-file", "give the file of the axes in it")
-    content = read_input(path, missing=advice[0], folder=advice[1], most=LARGEST)
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{name} is not UTF-8 text (byte {error.start}); save it as UTF-8", code="not-utf8") from None
-    return axes_from_text(text, name, Path(path).parent, results)
+    text = text_of(path, missing="docs/tensor.md shows one", folder="give the file of the axes in it", most=LARGEST)
+    return axes_from_text(text.removeprefix("\ufeff"), str(path), Path(path).parent, results)
 
 
 def axes_from_text(text: str, source: str = "axes.toml", folder: Path | None = None, results: int = 0) -> Axes:
     """The axes of TOML text; result files are looked for in `folder`. Errors as `load_axes`."""
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        problem = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
-        hint = "; a result file goes with --axes FILE.toml" if text.lstrip().startswith("{") else ""
-        raise InputError(f"{source} is not TOML: {problem[:200]}{hint}", code="not-toml") from None
+    hint = "; a result file goes with --axes FILE.toml" if text.lstrip().startswith("{") else ""
+    document = tables_of(text, source, hint)
     if "drive" in document:
         message = f"{source} is a rig file; give the file with entry [[axis]] table for each axis, see docs/tensor.md"
         raise InputError(message, code="not-axes")
@@ -208,12 +198,12 @@ def axes_from_text(text: str, source: str = "axes.toml", folder: Path | None = N
     if not isinstance(listed, list) or not listed or not all(isinstance(entry, dict) for entry in listed):
         message = f"{source}: axis must be a list of tables; write entry [[axis]] for each axis, see docs/tensor.md"
         raise InputError(message, code="not-axes")
-    file = _checked(document, AxesFile, source)
+    file = checked(document, AxesFile, source, FILE)
     tables = []
     for k, raw in enumerate(file.axis):
         name = raw.get("name")
         place = f"{source}: axis {k + 1}" + (f" ({name[:60]})" if isinstance(name, str) else "")
-        axis = _checked(raw, AxisTable, place)
+        axis = checked(raw, AxisTable, place, FILE)
         tables.append(_filled(axis, file.every_axis))
         _check(tables[-1], file, place, results)
     names = tuple(table.name or table.result or f"axis {k + 1}" for k, table in enumerate(tables))
@@ -222,18 +212,6 @@ def axes_from_text(text: str, source: str = "axes.toml", folder: Path | None = N
         raise InputError(f"{source}: two axes are called {twice!r}; give each its own name", code="contradiction")
     mountings = {name: mounting.rotation for name, mounting in file.mounting.items()}
     return Axes(source, folder or Path(), file.body, mountings, tuple(tables), names)
-
-
-T = TypeVar("T", bound=Table)
-
-
-def _checked(raw: object, table: type[T], place: str) -> T:
-    """`raw` as a table, or InputError that names place and key."""
-    try:
-        return table.model_validate(raw)
-    except ValidationError as error:
-        code, problem = describe(error, table, what="a file of axes")
-        raise InputError(f"{place}: {problem}", code=code) from None
 
 
 def _filled(axis: AxisTable, every: EveryAxis) -> AxisTable:

@@ -7,17 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swingid.cli import output
 from swingid.cli.compile import compile_first
 from swingid.cli.options import Certificate, JsonOrRefusal, LogRigFile, Report, rig_of
-from swingid.cli.output import (
-    check_once,
-    check_report,
-    check_targets,
-    check_writable,
-    hand_over,
-    refusals_to,
-    say,
-)
 from swingid.cli.progress import Progress
 from swingid.errors import UsageError
 from swingid.progress import shown
@@ -28,7 +20,8 @@ if TYPE_CHECKING:
 
     from swingid.calibration.encoders import EncoderCalibration
     from swingid.calibration.motor import Calibration
-    from swingid.report.certificate import Certificate as Stated
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
 
 
 def calibrate(
@@ -56,34 +49,27 @@ def calibrate(
     What kind of test a log is, clamped rod, free rod or free swing, is found from the log. With --encoders: what the
     encoders do wrong once per turn, and the latency between the channels, from one or several motions of one body.
     """
-    check_once(logs)
+    output.check_once(logs)
     if out is not None and not out.lower().endswith(".toml"):
         raise UsageError(f"--out {out} must end in .toml, as every rig file", code="bad-target")
     rig = rig_of(rig, logs)
     inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")
-    check_targets({"--out": out, "--json": json, "--report": report}, inputs)
-    laboratory = check_report(report, certificate)
+    output.check_targets({"--out": out, "--json": json, "--report": report}, inputs)
+    laboratory = output.check_report(report, certificate)
     provenance: dict[str, object] = {"log": logs[0], "logs": logs, "rig_source": rig}
-    with refusals_to(json, "calibrate-encoders" if encoders else "calibrate", provenance):
-        calibration, is_changed = _calibrate(logs, rig, encoders, out, json, report, laboratory)
-    hand_over(calibration.result, json, out, report)
-    if out is not None and not is_changed:
-        say(f"{out} is {rig} unchanged: these logs change none of its constants")
+    with output.refusals_to(json, "calibrate-encoders" if encoders else "calibrate", provenance):
+        output.check_writable(out, json, report)
+        calibration, first, plant = _calibrate(logs, rig, encoders)
+        if out is not None:
+            write_whole(Path(out), calibration.rig.text.encode())
+        output.write_report(calibration.result, first, plant, report, laboratory)
+    output.hand_over(calibration.result, json, out, report)
+    if out is not None and calibration.rig.text == plant.text:
+        output.say(f"{out} is {rig} unchanged: these logs change none of its constants")
 
 
-def _calibrate(
-    logs: list[str],
-    rig: str,
-    encoders: bool,
-    out: str | None,
-    json: str | None,
-    report: str | None,
-    laboratory: Stated | None,
-) -> tuple[Calibration | EncoderCalibration, bool]:
-    """Read the files, and write the calibration, its rig file and its report; and whether that rig file differs from
-    the old.
-    """
-    check_writable(out, json, report)
+def _calibrate(logs: list[str], rig: str, encoders: bool) -> tuple[Calibration | EncoderCalibration, Recording, Rig]:
+    """Read the files; returns the calibration, the first log, the rig as it was."""
     from swingid.calibration.encoders import calibrate_encoders
     from swingid.calibration.motor import calibrate as of_motor
     from swingid.model.rig import Rig
@@ -96,11 +82,4 @@ def _calibrate(
     run: Callable[[list[Recording], Rig], Calibration | EncoderCalibration]
     run = calibrate_encoders if encoders else of_motor
     with shown(Progress("steps")):
-        calibration = run(recordings, plant)
-    if out is not None:
-        write_whole(Path(out), calibration.rig.text.encode())
-    if report is not None:
-        from swingid.report import write_report
-
-        write_report(calibration.result, recordings[0], plant, Path(report), laboratory)
-    return calibration, calibration.rig.text != plant.text
+        return run(recordings, plant), recordings[0], plant

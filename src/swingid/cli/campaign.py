@@ -44,7 +44,10 @@ def campaign(
     """
     check_writable(json)
     if listed:
-        tell(_ready())
+        from swingid.study.campaign.loading import described
+        from swingid.table import aligned
+
+        tell("\n".join(aligned([(name, takes, about) for name, about, takes in described()])))
         return
     if plan is None:
         raise UsageError(
@@ -79,13 +82,6 @@ def _kept(plan: Plan, folder: Path) -> str:
 
     done = sum(len(plan.block(block)) for block in Store(plan, folder).done())
     return f"{done} of {plan.trials} runs are kept in {folder}; the same command goes on from there"
-
-
-def _ready() -> str:
-    from swingid.study.campaign.loading import described
-    from swingid.table import aligned
-
-    return "\n".join(aligned([(name, takes, about) for name, about, takes in described()]))
 
 
 def _progress() -> Callable[[int, int, int], None]:

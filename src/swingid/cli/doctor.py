@@ -10,7 +10,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -43,10 +43,9 @@ class Diagnosis:
 
     def to_json(self) -> str:
         """JSON text, schema "swingid.doctor/1"."""
-        import json
+        from swingid.study.output import json_text
 
-        lines = [asdict(finding) for finding in self.findings]
-        return json.dumps({"schema": "swingid.doctor/1", "findings": lines}, indent=2, ensure_ascii=False) + "\n"
+        return json_text({"schema": "swingid.doctor/1", "findings": self.findings})
 
     def summary(self) -> str:
         """One line per finding, by group; what to do follows an arrow."""
@@ -57,10 +56,8 @@ class Diagnosis:
             if title not in lines:
                 lines.append(title)
             mark = {"ok": " ", "note": "-", "fault": "!"}[finding.level]
-            lines.append(
-                f"  {mark} {finding.what:<{width}}  {finding.found}"
-                + (f" → {finding.remedy}" if finding.remedy else "")
-            )
+            remedy = f" → {finding.remedy}" if finding.remedy else ""
+            lines.append(f"  {mark} {finding.what:<{width}}  {finding.found}{remedy}")
         faults = sum(finding.level == "fault" for finding in self.findings)
         return "\n".join([*lines, f"{faults} fault{'' if faults == 1 else 's'}" if faults else "no faults"])
 

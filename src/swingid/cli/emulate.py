@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from enum import StrEnum
-from typing import Annotated, NoReturn
+from typing import Annotated, Literal
 
 import typer
 
@@ -16,14 +15,6 @@ from swingid.errors import UsageError
 PORT = 8765
 
 
-class Firmware(StrEnum):
-    """What stands behind the port."""
-
-    AUTO = "auto"
-    NATIVE = "native"
-    PYTHON = "python"
-
-
 def emulate(
     rig: RigFile,
     tcp: Annotated[
@@ -31,9 +22,9 @@ def emulate(
     ] = None,
     pty: Annotated[bool, typer.Option("--pty", help="A pseudo terminal, which a host opens as a serial port.")] = False,
     firmware: Annotated[
-        Firmware,
+        Literal["auto", "native", "python"],
         typer.Option(help="The C firmware as a process, or the same device in Python; auto: C with a compiler."),
-    ] = Firmware.AUTO,
+    ] = "auto",
     rate: Rate = 1000.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     draw: Annotated[
@@ -55,9 +46,9 @@ def emulate(
             f"--rate {rate:g} is out of range; an emulated device makes 20 to 10000 per second", code="bad-rate"
         )
     obstacle = native.obstacle()
-    if firmware is Firmware.NATIVE and obstacle is not None:
+    if firmware == "native" and obstacle is not None:
         raise UsageError(f"{obstacle}; use --firmware python", code="no-compiler")
-    compiled = firmware is not Firmware.PYTHON and obstacle is None
+    compiled = firmware != "python" and obstacle is None
     device = emulated(
         Rig.load(rig),
         native=compiled,
@@ -67,9 +58,9 @@ def emulate(
         draw=draw,
     )
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _interrupt)
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     what = "the C firmware" if compiled else "the firmware in Python"
-    if firmware is Firmware.AUTO and not compiled:
+    if firmware == "auto" and not compiled:
         what += f" ({obstacle})"
     try:
         output.tell(f"{device.address}: {what} on the twin of {rig}, {rate:g} samples per second; Ctrl-C ends it")
@@ -79,7 +70,3 @@ def emulate(
     finally:
         device.close()
     output.tell(pace.words(rate))
-
-
-def _interrupt(*_: object) -> NoReturn:
-    raise KeyboardInterrupt

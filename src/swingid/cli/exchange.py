@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from swingid.cli import output
 
-
-class Format(StrEnum):
-    """Formats of `swingid.exchange.export`."""
-
-    MJCF = "mjcf"
-    URDF = "urdf"
-    PYTHON_CONTROL = "python-control"
-    SIMULINK_M = "simulink-m"
+Format = Literal["mjcf", "urdf", "python-control", "simulink-m"]
+"""Formats of `swingid.exchange.export`."""
 
 
 def export(
@@ -29,28 +22,18 @@ def export(
 ) -> None:
     """Write the identified rig as a model for MuJoCo, URDF, python-control or MATLAB."""
     inputs = {result: "the result"} | ({rig: "the rig file"} if rig else {})
-    output.check_targets({"--out": out}, inputs)
-    output.check_writable(out)
+    output.check_files(inputs, out=out)
     from swingid.exchange.export import export as run
     from swingid.exchange.model import rig_of
     from swingid.result.file import load_result
 
     identified = load_result(result)
-    output.tell(run(identified, rig_of(identified, rig), to.value, out).summary())
+    output.tell(run(identified, rig_of(identified, rig), to, out).summary())
 
 
-class Name(StrEnum):
-    """The published schemas."""
-
-    RESULT = "result"
-    RIG = "rig"
-    PLAN = "plan"
-
-
-def schema(name: Annotated[Name, typer.Argument(help="Of which file.")]) -> None:
+def schema(name: Annotated[Literal["result", "rig", "plan"], typer.Argument(help="Of which file.")]) -> None:
     """Print the JSON schema of a result, a rig file or a plan, for editors and other programs."""
-    import json
-
     from swingid.exchange.schemas import schema as find
+    from swingid.study.output import json_text
 
-    output.write_json(json.dumps(find(name.value), indent=2, ensure_ascii=False) + "\n", "-")
+    output.write_json(json_text(find(name)), "-")

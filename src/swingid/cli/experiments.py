@@ -107,7 +107,7 @@ def rehearse(
     rehearsal = run(
         plant,
         motion,
-        None if motion is None else compensator_of(plant, gains, {}),
+        None if motion is None else compensator_of(plant, gains),
         duration=duration,
         rate=rate,
         runs=runs,
@@ -134,10 +134,7 @@ def reproduce(
     from swingid.study.reproduce import reproduce as run
     from swingid.study.reproduce import steps
 
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output.cannot_write(out, error.strerror or str(error)) from None
+    output.make_folder(out)
     names = [f"fig{k}.{ending}" for k in range(2, 9) for ending in ("svg", "png")]
     for name in (*names, "results.json", "index.html"):
         output.check_target(out / name)

@@ -31,7 +31,8 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
     decided()
     if isinstance(error, SwingidError):
         say(error.message)
-        _point(error.code)
+        if sys.stderr is not None and sys.stderr.isatty():  # scripts get the one sentence alone
+            tell(f"         {EXPLAINED}#{error.code}", to_error=True)
         return error.exit_code
     if isinstance(error, _WrongUsage):
         say(_usage(error))
@@ -52,12 +53,6 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
     where = f"please report it with the file {path}" if path else "please report it with the command you gave"
     say(f"this is a bug of swingid, {what}; {where}")
     return BUG
-
-
-def _point(code: str) -> None:
-    """Print in a terminal a second line that says where the code is explained. Scripts get the one sentence alone."""
-    if sys.stderr is not None and sys.stderr.isatty():
-        tell(f"         {EXPLAINED}#{code}", to_error=True)
 
 
 QUIET = 0.2

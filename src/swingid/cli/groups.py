@@ -16,14 +16,11 @@ from swingid.cli.doctor import doctor
 from swingid.cli.emulate import emulate
 from swingid.cli.exchange import export, schema
 from swingid.cli.experiments import design, rehearse, reproduce
-from swingid.cli.firmware import firmware
 from swingid.cli.identify import identify
-from swingid.cli.live import recover, run
+from swingid.cli.live import firmware, record, recover, run, stop
 from swingid.cli.logs import convert, datasets, init, inspect
-from swingid.cli.record import record
 from swingid.cli.results import compare, difference, validate
 from swingid.cli.simulate import simulate
-from swingid.cli.stop import stop
 from swingid.cli.tensor import tensor
 from swingid.cli.weigh import weigh
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
-from enum import StrEnum
 from json import loads as parse_json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from swingid.cli import output
 from swingid.cli.compile import compile_first, kernels_of
 from swingid.cli.options import (
     NAMES,
@@ -24,57 +23,22 @@ from swingid.cli.options import (
     method_name,
     rig_of,
 )
-from swingid.cli.output import (
-    check_report,
-    check_targets,
-    check_writable,
-    hand_over,
-    refusals_to,
-)
 from swingid.cli.progress import Progress
-from swingid.cli.results_table import tabulate
-from swingid.errors import SwingidError, UsageError
+from swingid.errors import SwingidError, UnanswerableError, UsageError
 from swingid.methods.table import DEFAULT
 from swingid.processes import cores, keep_memory
 from swingid.progress import shown
-from swingid.system import sha256_begun
+from swingid.system import sha256_begun, write_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping, Sequence
 
     from swingid.model.rig import Rig
     from swingid.recording.large import LargeLog
     from swingid.recording.recording import Recording
-    from swingid.report.certificate import Certificate as Stated
     from swingid.result.result import Result
 
 Provenance = dict[str, object]
-
-
-@dataclass(frozen=True, slots=True)
-class _Reading:
-    """How logs are read: the switches of the repairs, and `digest`, which gives the SHA-256 of the only large log."""
-
-    repairs: dict[str, bool]
-    digest: Callable[[], str] | None = None
-
-    def load(self, log: str, rig: Rig) -> Recording | LargeLog:
-        """The recording in a file, a `LargeLog` where it is large; raises as `Recording.load`."""
-        from swingid.recording.large import LargeLog, is_large
-        from swingid.recording.recording import Recording
-
-        if is_large(log):
-            keep_memory()
-            show = Progress("million rows", 1e6)
-            return LargeLog(log, rig, self.repairs, None, show, cores(), self.digest)
-        return Recording.load(log, rig, repairs=self.repairs)
-
-
-class Variant(StrEnum):
-    """Forms of the energy method."""
-
-    PRINTED = "printed"
-    BETTER = "better"
 
 
 def identify(
@@ -89,7 +53,8 @@ def identify(
         ),
     ] = None,
     variant: Annotated[
-        Variant | None, typer.Option(help="Of --method energy: the paper's formulas, or the better form (default).")
+        Literal["printed", "better"] | None,
+        typer.Option(help="Of --method energy: the paper's formulas, or the better form (default)."),
     ] = None,
     option: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="An option of the method; may be repeated.")
@@ -127,10 +92,11 @@ def identify(
     Several logs of one body give one inertia, how far the logs scatter, and which of them disagree.
     """
     rig, methods = rig_of(rig, logs), method or [DEFAULT]
+    repairs = dict.fromkeys(without_repair or [], False)
     if table is not None:
         other = {"--json": json, "--report": report, "--monte-carlo": monte_carlo, "--added": added}
         other |= {"--variant": variant, "--option": option, "--certificate": certificate}
-        tabulate(logs, rig, methods, part, _Reading(dict.fromkeys(without_repair or [], False)).load, table, other)
+        _tabulate(logs, rig, methods, part, repairs, table, other)
         return
     if len(methods) > 1:
         raise UsageError(f"--method {methods[1]} is a second method; add --table FILE.csv", code="several-methods")
@@ -138,34 +104,30 @@ def identify(
     if variant is not None and name != "energy":
         raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
     inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")
-    check_targets(
-        {"--json": json, "--report": report}, inputs | ({certificate: "the laboratory's file"} if certificate else {})
-    )
-    stated = check_report(report, certificate)
+    inputs |= {certificate: "the laboratory's file"} if certificate else {}
+    output.check_targets({"--json": json, "--report": report}, inputs)
+    stated = output.check_report(report, certificate)
     options = _options(option or [])
-    if variant is not None:
-        if "variant" in options:
-            raise UsageError("--variant and --option variant are the same; give one of them", code="bad-option")
-        options["variant"] = variant.value
-    if added:
-        if "added" in options:
-            raise UsageError("--added and --option added are the same; give one of them", code="bad-option")
-        options["added"] = added
+    for key, value in (("variant", variant), ("added", added)):
+        if value and key in options:
+            raise UsageError(f"--{key} and --option {key} are the same; give one of them", code="bad-option")
+        if value:
+            options[key] = value
     from swingid.pooling.selected import parts_of
 
     spans = parts_of(part)
-    reading = _Reading(dict.fromkeys(without_repair or [], False))
     source: Provenance = {"log": logs[0]} if len(logs) == 1 else {"logs": logs}
     if part:
         source["part"] = part[0] if len(part) == 1 else part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
     begun = sha256_begun(logs[0]) if len(logs) == 1 else nullcontext()  # while packages are imported
-    with refusals_to(json, name, provenance, report, stated), begun as digest:
-        reading = replace(reading, digest=digest)
-        result = _identify(logs, rig, name, options, reading, spans, provenance, json, report, stated, monte_carlo)
+    with output.refusals_to(json, name, provenance, report, stated), begun as digest:
+        output.check_writable(json, report)
+        result, log, plant = _identify(logs, rig, name, options, repairs, digest, spans, provenance, monte_carlo)
+        output.write_report(result, log, plant, report, stated)
     from swingid.result.brief import brief
 
-    hand_over(result, json, report, text=None if verbose else brief(result))
+    output.hand_over(result, json, report, text=None if verbose else brief(result))
 
 
 def _options(given: list[str]) -> dict[str, object]:
@@ -191,36 +153,33 @@ def _identify(
     rig: str,
     method: str,
     options: dict[str, object],
-    reading: _Reading,
+    repairs: Mapping[str, bool],
+    digest: Callable[[], str] | None,
     spans: list[tuple[float, float]],
     provenance: Provenance,
-    json: str | None,
-    report: str | None,
-    certificate: Stated | None,
     draws: int | None,
-) -> Result:
-    """Read the files, and write the result and its report; `provenance` gains what becomes known on the way."""
-    check_writable(json, report)
+) -> tuple[Result, Recording | None, Rig]:
+    """The result, the log if it is a single one, and the rig; `provenance` gains what becomes known on the way."""
     from swingid.identification import identify as run
     from swingid.model.rig import Rig
     from swingid.pooling.selected import selected
     from swingid.recording.findings import switched_off
     from swingid.recording.recording import Recording
 
-    switched_off(reading.repairs)  # a name that is none is a wrong usage, not a log that cannot be used
+    switched_off(repairs)  # a name that is none is a wrong usage, not a log that cannot be used
     plant = Rig.load(rig)
     provenance |= {"rig": plant.name, "rig_source": plant.source}
     if draws is not None and max(len(logs), len(spans)) > 1:
         raise UsageError("--monte-carlo is for one log; identify the logs or parts one by one", code="not-drawn")
     if len(logs) > 1:
         recording = None
-        loaded = _loaded(logs, plant, reading)
+        loaded = _loaded(logs, plant, repairs)
         whole = [log for log in loaded.values() if isinstance(log, Recording)]
         compile_first(*(task for log in whole for task in kernels_of(method, log, plant, options.get("input"))))
         with shown(Progress("logs")):
             result = run(loaded, plant, method, part=spans, **options)
     else:
-        log = reading.load(logs[0], plant)
+        log = _load(logs[0], plant, repairs, digest)
         if len(spans) == 1:
             log, spans = selected(log, spans[0]), []
         recording = log if isinstance(log, Recording) else None
@@ -231,29 +190,70 @@ def _identify(
         if draws is not None:
             if recording is None:
                 raise UsageError("--monte-carlo is not for logs that are read in parts; give --part", code="not-drawn")
-            result = _with_draws(recording, plant, result, draws, options)
-    if report is not None:
-        from swingid.report import write_report
+            from swingid.study.monte_carlo import monte_carlo
 
-        write_report(result, recording, plant, Path(report), certificate)
-    return result
-
-
-def _with_draws(log: Recording, rig: Rig, result: Result, draws: int, options: dict[str, object]) -> Result:
-    """The result with the distribution of its parameters."""
-    from swingid.study.monte_carlo import monte_carlo
-
-    return monte_carlo(log, rig, result.method, result, draws, options=options, progress=Progress("draws"))
+            show = Progress("draws")
+            result = monte_carlo(recording, plant, result.method, result, draws, options=options, progress=show)
+    return result, recording, plant
 
 
-def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording | LargeLog | SwingidError]:
+def _load(
+    log: str, rig: Rig, repairs: Mapping[str, bool], digest: Callable[[], str] | None = None
+) -> Recording | LargeLog:
+    """The recording in a file, a `LargeLog` where it is large; raises as `Recording.load`.
+
+    digest: gives the SHA-256 of a large log.
+    """
+    from swingid.recording.large import LargeLog, is_large
+    from swingid.recording.recording import Recording
+
+    if is_large(log):
+        keep_memory()
+        return LargeLog(log, rig, repairs, None, Progress("million rows", 1e6), cores(), digest)
+    return Recording.load(log, rig, repairs=repairs)
+
+
+def _loaded(logs: list[str], rig: Rig, repairs: Mapping[str, bool]) -> dict[str, Recording | LargeLog | SwingidError]:
     """The logs by their names; the error of one that cannot be used in its place, for the others still count."""
     recordings: dict[str, Recording | LargeLog | SwingidError] = {}
     for log in logs:
         if log in recordings:
             raise UsageError(f"{log} was given twice; a run counts once", code="same-log-twice")
         try:
-            recordings[log] = reading.load(log, rig)
+            recordings[log] = _load(log, rig, repairs)
         except SwingidError as error:
             recordings[log] = error
     return recordings
+
+
+def _tabulate(
+    logs: Sequence[str],
+    rig: str,
+    methods: Sequence[str],
+    part: list[str] | None,
+    repairs: Mapping[str, bool],
+    target: str,
+    others: Mapping[str, Any],
+) -> None:
+    """Identify every log by every method and write the table to `target`; others: options that do not go with it.
+
+    Raises UsageError for such an option, UnanswerableError where no log has a number (the table is written).
+    """
+    given = next((name for name, value in others.items() if value), None)
+    if given is not None:
+        raise UsageError(f"{given} is for one result; leave it out beside --table", code="not-in-a-table")
+    output.check_files({rig: "the rig file"} | dict.fromkeys(logs, "a log"), table=target)
+    output.check_once(logs)
+    from swingid.model.rig import Rig
+    from swingid.pooling.selected import parts_of
+    from swingid.study.results_table import results_table
+
+    plant, spans = Rig.load(rig), parts_of(part)
+    with shown(Progress("logs")):
+        table = results_table(
+            logs, lambda log: _load(log, plant, repairs), plant, list(dict.fromkeys(methods)), part=spans or None
+        )
+    write_whole(Path(target), table.to_csv().encode())
+    output.tell(f"{table.summary()}\nwrote {target}")
+    if not table.answered:
+        raise UnanswerableError(f"none of the logs has a number; {target} has the reasons.", code="all-refused")

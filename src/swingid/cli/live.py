@@ -1,8 +1,10 @@
-"""``swingid run`` and ``recover``: experiments on a live rig, and whole journals of broken ones."""
+"""``swingid run``, ``stop``, ``record``, ``recover``, ``firmware``: a live rig, its board and its logs."""
 
 from __future__ import annotations
 
 import math
+import time
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,14 +17,21 @@ from swingid.cli.compile import compile_first, kernels_of
 from swingid.cli.failure import decided
 from swingid.cli.options import JsonOrRefusal, Method, Report, RigFile
 from swingid.cli.simulate import Gains, compensator_of
-from swingid.errors import DeviceError, SwingidError, UsageError
+from swingid.errors import DeviceError, InputError, SwingidError, UsageError
 from swingid.methods.table import DEFAULT
+from swingid.system import write_whole
 
 if TYPE_CHECKING:
     from swingid.live.experiment import Order
     from swingid.live.progress import Progress
+    from swingid.live.registry import Found
     from swingid.model.rig import Rig
     from swingid.result.result import Result
+
+POLL, OBEYS, ENDING = 0.05, 5.0, 2.0
+"""Seconds between two looks at a run; in which it obeys (its own patience with the device is 1 s); and until a process
+that was ended has gone.
+"""
 
 
 def recover(
@@ -35,12 +44,10 @@ def recover(
 
     A journal that is cut off can be identified as it is; other programs (Foxglove) want a whole file.
     """
-    if out is not None:
-        output.check_targets({"--out": out}, {file: "the broken file"})
-        output.check_writable(out)
-    from swingid.live.recover import recover as run
+    output.check_files({file: "the broken file"}, out=out)
+    from swingid.live.recover import recover as rescue
 
-    recovered, path = run(file, out)
+    recovered, path = rescue(file, out)
     counts = ", ".join(f"{count} of {topic}" for topic, count in recovered.messages.items())
     if path is None:
         output.tell(f"{file} is whole ({counts}); nothing to recover")
@@ -79,15 +86,14 @@ def run(
     """
     if not out.endswith(".mcap"):
         raise UsageError(f"--out {out}: a journal is MCAP; give a name that ends in .mcap", code="bad-target")
-    output.check_targets({"--out": out, "--json": json, "--report": report}, {rig: "the rig file"})
-    output.check_writable(out, json, report)
+    output.check_files({rig: "the rig file"}, out=out, json=json, report=report)
     from swingid.control.references import reference_for
     from swingid.live.experiment import Order, required
     from swingid.model.rig import Rig
 
     plant = Rig.load(rig)
     share = 0.0 if until is None else _share(until)
-    order = Order(reference_for(reference, plant), compensator_of(plant, gains, {}), duration, share, clear=clear)
+    order = Order(reference_for(reference, plant), compensator_of(plant, gains), duration, share, clear=clear)
     required(order)
     compile_first("simulate")
     address = address_of(device, plant)
@@ -147,10 +153,7 @@ def identified(out: str, plant: Rig, method: str, provenance: dict[str, object],
     provenance |= {"rig": plant.name, "log_sha256": log.source.sha256, "rows": len(log)}
     compile_first(*kernels_of(method, log, plant))
     result = identify(log, plant, method)
-    if report is not None:
-        from swingid.report import write_report
-
-        write_report(result, log, plant, Path(report))
+    output.write_report(result, log, plant, report)
     return result
 
 
@@ -184,3 +187,117 @@ class LiveLine:
         self._shown = progress.time
         if not output.overwrite(f"{progress.line():<110}", last=False) and progress.rows:
             output.say(progress.line())
+
+
+def stop(
+    hard: Annotated[bool, typer.Option("--hard", help="0 V at once; default: the motion fades out first.")] = False,
+    device: Annotated[
+        str | None, typer.Option(metavar="DEV", help="Only the run on this device; default: all runs of this user.")
+    ] = None,
+) -> None:
+    """Stop the run that goes on, also one whose command or page has died; wait until it has ended.
+
+    Exit code 5 where nothing is running or a run does not end. A hardware emergency stop is yours to provide.
+    """
+    from swingid.live import registry
+
+    try:
+        runs = [run for run in registry.runs() if device is None or run.is_on(device)]
+        for run in runs:
+            run.ask(hard=hard)
+    except OSError as error:
+        text = f"the folder of this user's runs can't be used ({error.strerror or error}); use the emergency stop"
+        raise InputError(text, code="no-registry") from None
+    if not runs:
+        where = "" if device is None else f" on {device}"
+        text = f"nothing is running{where} that this user has started on this machine; if the rig moves, use the "
+        raise DeviceError(f"{text}emergency stop", code="nothing-running")
+    going = [run for run in runs if not _ended(run, hard=hard)]
+    if going:
+        names = " and ".join(run.entry.words() for run in going)
+        more = "use the emergency stop" if hard else "give swingid stop --hard, or use the emergency stop"
+        raise DeviceError(f"{names} has not ended; {more}", code="not-stopped")
+
+
+def _ended(run: Found, *, hard: bool) -> bool:
+    """Wait for a run's end and say how it ended; a process that does not obey a hard stop is ended."""
+    if not _gone(run, OBEYS + (0.0 if hard else run.entry.fade)):
+        if not hard:
+            return False
+        from swingid.live.worker import end_process
+
+        end_process(run.entry.pid)
+        if not _gone(run, ENDING):
+            return False
+        text = "it did not obey, so its process was ended: the firmware gives 0 V without a heartbeat"
+        output.tell(f"{run.entry.words()}: {text}")
+        run.last_words()
+        return True
+    output.tell(f"{run.entry.words()}: {run.last_words() or 'its process has ended'}")
+    return True
+
+
+def _gone(run: Found, seconds: float) -> bool:
+    until = time.monotonic() + seconds
+    while run.alive:
+        if time.monotonic() > until:
+            return False
+        time.sleep(POLL)
+    return True
+
+
+def record(
+    device: Annotated[
+        str, typer.Option(metavar="DEV", help="csv:///dev/ttyACM0?baud=115200, or csv://FILE that a program writes.")
+    ],
+    out: Annotated[str, typer.Option(metavar="FILE.csv", help="Log to write.")],
+    duration: Annotated[float | None, typer.Option(metavar="S", min=0.001, help="End after this time.")] = None,
+    idle: Annotated[
+        float | None, typer.Option(metavar="S", min=0.001, help="End after so long without a byte.")
+    ] = None,
+    columns: Annotated[
+        str | None, typer.Option(metavar="NAMES", help='Names of the columns, as "t,q1,q2,u", where none are printed.')
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", min=1e-3, help="Lines per second, where no time is printed.")
+    ] = None,
+) -> None:
+    """Record the columns that a device prints, until Ctrl-C; nothing is sent to it."""
+    from swingid.live.devices.columns import open_columns
+    from swingid.live.record import record as read
+
+    if not out.lower().endswith(".csv"):
+        raise UsageError(f"--out {out} must end in .csv", code="bad-target")
+    if not device.lower().startswith("csv://"):
+        text = f"--device {device} does not only print; record takes csv://PORT or csv://FILE, swingid run the others"
+        raise UsageError(text, code="bad-address")
+    names = [name.strip() for name in columns.split(",")] if columns else []
+    if not all(names):
+        raise UsageError(f"--columns {columns!r}: a name is empty", code="bad-columns")
+    stream = open_columns(device)
+    output.check_files({stream.path: "what is recorded"} if stream.path else {}, out=out)
+    try:
+        recorded = read(stream, out, seconds=duration, idle=idle, names=names, rate=rate, cut=stream.path is None)
+    finally:
+        stream.close()
+    bad = f", {recorded.bad} lines were no row" if recorded.bad else ""
+    output.tell(f"wrote {out}: {recorded.rows} rows of {', '.join(recorded.columns)}{bad}; ended: {recorded.end}")
+    if not recorded.named:
+        output.say("nothing names the columns: give --columns, or name them in [log] of rig.toml")
+
+
+def firmware(
+    board: Annotated[str, typer.Argument(metavar="BOARD", help="nucleo: the reference board, Nucleo-F446RE.")],
+    out: Annotated[
+        str,
+        typer.Option(metavar="FILE.bin", help="File on this computer; copy it onto the board's drive."),
+    ],
+) -> None:
+    """Write the firmware of a board, which the package ships; no compiler is needed."""
+    from swingid.live.firmware import image
+
+    output.check_writable(out)
+    content = image(board)
+    write_whole(Path(out), content)
+    output.tell(f"wrote {out}: {len(content)} bytes, which state firmware {zlib.crc32(content):08x}")
+    output.tell("copy it onto the drive that the board is on USB (NODE_F446RE), and wait until its LED stands still")

@@ -124,9 +124,7 @@ def inspect(
     The verdict is whether it is ready for identify. Exit code 0 whenever the file could be read, whatever the verdict.
     """
     inputs = {log: "the log"} | ({rig: "the rig file"} if rig is not None else {})
-    output.check_files(inputs, json=json, report=report)
-    output.check_targets({"--plot": None if plot == "-" else plot, "--json": json, "--report": report}, inputs)
-    output.check_writable(plot)
+    output.check_files(inputs, plot=None if plot == "-" else plot, json=json, report=report)
     from swingid.model.rig import Rig
     from swingid.model.rig.inside import has_rig
     from swingid.study.inspect import inspect_log
@@ -204,11 +202,9 @@ def datasets(
 
 def _show(sets: tuple[DataSet, ...], json: str | None) -> None:
     if json is not None:
-        from dataclasses import asdict
-        from json import dumps
+        from swingid.study.output import json_text
 
-        content = {"schema": "swingid.datasets/1", "datasets": [asdict(dataset) for dataset in sets]}
-        output.write_json(dumps(content, indent=2, ensure_ascii=False) + "\n", json)
+        output.write_json(json_text({"schema": "swingid.datasets/1", "datasets": sets}), json)
     else:
         output.tell("\n\n".join(_entry(dataset) for dataset in sets))
 

@@ -15,8 +15,10 @@ from swingid.errors import InputError, SwingidError, UsageError
 from swingid.system import write_whole
 
 if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
     from swingid.report.certificate import Certificate
-
+    from swingid.result.result import Result
 
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 """Characters that a terminal obeys, but for the end of a line and the tabulator."""
@@ -137,10 +139,10 @@ def _check_form(report: str) -> None:
         require_typst()
 
 
-def check_files(inputs: Mapping[str, str], *, json: str | None = None, report: str | None = None) -> None:
-    """`check_targets` and `check_writable` for the files of --json and --report."""
-    check_targets({"--json": json, "--report": report}, inputs)
-    check_writable(json, report)
+def check_files(inputs: Mapping[str, str], **targets: str | None) -> None:
+    """`check_targets` and `check_writable` for what options write: `json` is the file of --json."""
+    check_targets({f"--{option}": target for option, target in targets.items()}, inputs)
+    check_writable(*targets.values())
 
 
 def on_terminal() -> bool:
@@ -196,6 +198,14 @@ def _write(stream: TextIO | None, text: str) -> None:
         raise InputError(f"cannot write to standard output: {error.strerror}", code="cannot-write") from None
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder where there is none; InputError where that fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(folder, error.strerror or str(error)) from None
+
+
 def cannot_write(path: Path, reason: str) -> InputError:
     """The error that names the file which cannot be written and why."""
     return InputError(f"cannot write {path}: {reason}", code="cannot-write")
@@ -248,12 +258,19 @@ def refusals_to(
         if json is not None:
             with suppress(SwingidError):
                 write_json(refused.to_json(), json)
-        if report is not None:
-            from swingid.report import write_report
-
-            with suppress(SwingidError):
-                write_report(refused, None, None, Path(report), certificate)
+        with suppress(SwingidError):
+            write_report(refused, None, None, report, certificate)
         raise
+
+
+def write_report(
+    result: Result, log: Recording | None, rig: Rig | None, report: str | None, certificate: Certificate | None = None
+) -> None:
+    """Write the report of a result where one is wanted."""
+    if report is not None:
+        from swingid.report import write_report as write
+
+        write(result, log, rig, report, certificate)
 
 
 def time_left(seconds: float) -> str:

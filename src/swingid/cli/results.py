@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -45,19 +44,12 @@ def compare(
     output.hand_over(comparison, json, report)
 
 
-class Input(StrEnum):
-    """What drives the prediction of a reaction wheel."""
-
-    WHEEL = "wheel"
-    VOLTAGE = "voltage"
-
-
 def validate(
     result: Annotated[str, typer.Argument(metavar="RESULT.json", help="Result of identify --json.")],
     logs: Annotated[list[str], typer.Argument(metavar="LOG...", help="Logs to predict, best ones not fitted.")],
     rig: LogRigFile = None,
     input: Annotated[
-        Input | None,
+        Literal["wheel", "voltage"] | None,
         typer.Option(help="The measured wheel (default, needs no motor) or the voltage drives the prediction."),
     ] = None,
     json: Json = None,
@@ -75,10 +67,10 @@ def validate(
 
     plant, identified = Rig.load(rig), load_result(result)
     recordings = [Recording.load(log, plant) for log in logs]
-    driven = "voltage" if input is Input.VOLTAGE else "wheel" if plant.drive.wheel is not None else None
+    driven = "voltage" if input == "voltage" else "wheel" if plant.drive.wheel is not None else None
     compile_first(*(task for log in recordings for task in kernels_of("output-error", log, plant, driven)))
     with shown(Progress("logs")):
-        validation = run(identified, recordings, plant, input=None if input is None else input.value)
+        validation = run(identified, recordings, plant, input=input)
     if report is not None:
         from swingid.report.html import write_validation
 
@@ -112,8 +104,5 @@ def difference(
         from swingid.pooling import difference as subtract
 
         result = subtract(tare, loaded, mass=mass, distance=distance, known=known)
-        if report is not None:
-            from swingid.report import write_report
-
-            write_report(result, None, None, report, stated)
+        output.write_report(result, None, None, report, stated)
     output.hand_over(result, json, report)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -29,26 +29,19 @@ MOST_ROWS = 20_000_000
 WILDEST = 1e6
 """Angles in rad, speeds in rad/s and voltages beyond this are typing errors; the twin would not follow them."""
 
+Kind = Literal["compensator", "backstepping"]
+"""Controllers."""
 
-class Kind(StrEnum):
-    """Controllers."""
+Law = Literal["printed", "consistent"]
+"""Adaptation laws of backstepping."""
 
-    COMPENSATOR = "compensator"
-    BACKSTEPPING = "backstepping"
+Gains = Literal["experiment", "simulation"]
+"""Named sets of gains, both of the paper's section 5."""
 
+GAINS = ("delta0", "sigma0", "lambda0", "k_tilde0", "k_tilde_max")
+"""Gains of the compensator that have an option each."""
 
-class Law(StrEnum):
-    """Adaptation laws of backstepping."""
-
-    PRINTED = "printed"
-    CONSISTENT = "consistent"
-
-
-class Gains(StrEnum):
-    """Named sets of gains, both of the paper's section 5."""
-
-    EXPERIMENT = "experiment"
-    SIMULATION = "simulation"
+NONE: Mapping[str, float] = {}
 
 
 def simulate(
@@ -68,7 +61,7 @@ def simulate(
     ] = False,
     controller: Annotated[
         Kind, typer.Option(help="The consecutive compensator (20), or adaptive backstepping (21).")
-    ] = Kind.COMPENSATOR,
+    ] = "compensator",
     law: Annotated[
         Law | None, typer.Option(help="Of backstepping: the adaptation law as printed, or as its proof requires.")
     ] = None,
@@ -88,18 +81,14 @@ def simulate(
     """
     from swingid.recording.formats import writer_for
 
-    gains_given = {
-        "delta0": delta0,
-        "sigma0": sigma0,
-        "lambda0": lambda0,
-        "k_tilde0": k_tilde0,
-        "k_tilde_max": k_tilde_max,
-    }
-    given = {name: value for name, value in gains_given.items() if value is not None}
+    named = zip(GAINS, (delta0, sigma0, lambda0, k_tilde0, k_tilde_max), strict=True)
+    given = {name: value for name, value in named if value is not None}
     _check_controller(controller, law, gains, given)
     if voltage is not None and reference is not None:
         raise UsageError("--voltage is without control, --reference with it; give one of them", code="two-drives")
-    _check_length(duration, rate)
+    if duration * rate > MOST_ROWS:
+        text = f"--duration {duration:g} s at --rate {rate:g} is more than {MOST_ROWS} rows; simulate a shorter run"
+        raise UsageError(text, code="too-long")
     writer_for(Path(out))
     output.check_target(Path(out))
     from swingid.control.references import reference_for
@@ -108,10 +97,14 @@ def simulate(
     plant = Rig.load(rig)
     angle = parse_angle(initial_angle, plant)
     motion = None if reference is None else reference_for(reference, plant)
-    chosen = None
-    if motion is not None:
-        chosen = compensator_of(plant, gains, given) if controller is Kind.COMPENSATOR else _backstepping(plant, law)
-    elif given or gains or law or controller is not Kind.COMPENSATOR:
+    chosen: Compensator | Backstepping | None = None
+    if motion is not None and controller == "backstepping":
+        from swingid.control import backstepping
+
+        chosen = backstepping.Backstepping.paper(plant, law=law or "printed")
+    elif motion is not None:
+        chosen = compensator_of(plant, gains, given)
+    elif given or gains or law or controller != "compensator":
         raise UsageError("controllers and gains need a motion to follow; give --reference", code="no-reference")
     elif voltage is None:
         _require_decay(plant, angle)
@@ -125,13 +118,6 @@ def simulate(
             plant, motion, chosen, duration=duration, rate=rate, seed=seed, initial_angle=angle, drive=drive, draw=draw
         )
     output.tell(_line(log, Path(out), plant, chosen))
-
-
-def _check_length(duration: float, rate: float) -> None:
-    """Raise UsageError for more than `MOST_ROWS` rows."""
-    if duration * rate > MOST_ROWS:
-        text = f"--duration {duration:g} s at --rate {rate:g} is more than {MOST_ROWS} rows; simulate a shorter run"
-        raise UsageError(text, code="too-long")
 
 
 def _require_decay(rig: Rig, angle: float) -> None:
@@ -210,28 +196,21 @@ def parse_angle(text: str, rig: Rig, option: str = "--initial-angle") -> float:
 
 def _check_controller(controller: Kind, law: Law | None, gains: Gains | None, given: dict[str, float]) -> None:
     """Raise UsageError for gains or a law of the other controller."""
-    if controller is Kind.BACKSTEPPING and (gains or given):
+    if controller == "backstepping" and (gains or given):
         name = "gains" if gains else next(iter(given)).replace("_", "-")
         raise UsageError(f"--{name} belongs to --controller compensator; leave one out", code="other-controller")
-    if controller is Kind.COMPENSATOR and law:
+    if controller == "compensator" and law:
         raise UsageError("--law belongs to --controller backstepping; leave it out or give both", code="no-law")
 
 
-def compensator_of(rig: Rig, gains: Gains | None, given: dict[str, float]) -> Compensator:
+def compensator_of(rig: Rig, gains: Gains | None, given: Mapping[str, float] = NONE) -> Compensator:
     """The compensator with the named gains, those of `given` in their place."""
     from dataclasses import replace
 
     from swingid.control.compensator import Compensator
 
-    named = Compensator.paper_simulation if gains is Gains.SIMULATION else Compensator.paper
+    named = Compensator.paper_simulation if gains == "simulation" else Compensator.paper
     return replace(named(rig), **given)  # type: ignore[arg-type]
-
-
-def _backstepping(rig: Rig, law: Law | None) -> Backstepping:
-    """Backstepping with the paper's gains and a law, by default the printed one."""
-    from swingid.control.backstepping import Backstepping
-
-    return Backstepping.paper(rig, law="consistent" if law is Law.CONSISTENT else "printed")
 
 
 def _line(log: Recording, out: Path, rig: Rig, controller: Compensator | Backstepping | None) -> str:

@@ -60,12 +60,12 @@ def weigh(
         text = "one twin can't be with and without the body; leave --device out, and each rig file is its own twin"
         raise UsageError(text, code="same-rig")
     orders = {
-        name: Order(reference_for(reference, plant), compensator_of(plant, gains, {}), duration)
+        name: Order(reference_for(reference, plant), compensator_of(plant, gains), duration)
         for name, plant in plants.items()
     }
     for order in orders.values():
         required(order)
-    _make(out)
+    output.make_folder(out)
     output.check_writable(json, *(str(out / f"{name}{end}") for name in plants for end in (".mcap", ".json")))
     compile_first("simulate")
     address = address_of(device, plants["tare"])
@@ -78,13 +78,6 @@ def weigh(
         answer = difference(results["tare"], results["loaded"], mass=mass, distance=distance)
     write_whole(out / "body.json", answer.to_json().encode())
     output.hand_over(answer, json, str(out / "body.json"))
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output.cannot_write(folder, error.strerror or str(error)) from None
 
 
 def _wait(name: str, address: str) -> None:
@@ -105,10 +98,8 @@ def _kept(out: Path, results: dict[str, Result]) -> str:
     """What is kept of runs that ended before Ctrl-C, and how to go on."""
     if not results:
         return "nothing has moved, so start again"
-    text = (
-        f"{out / 'loaded.mcap'} and {out / 'loaded.json'} are kept: run without the body by swingid run, identify it, "
-    )
-    return f"{text}and subtract by swingid difference"
+    kept = f"{out / 'loaded.mcap'} and {out / 'loaded.json'} are kept"
+    return f"{kept}: run without the body by swingid run, identify it, and subtract by swingid difference"
 
 
 def _weighed(plant: Rig, address: str, order: Order, out: Path, method: str) -> Result:

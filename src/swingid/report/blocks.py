@@ -7,6 +7,7 @@ as it is. Folded parts (`details`) are taken where they have the class `printed`
 from __future__ import annotations
 
 import re
+from html import unescape
 from html.parser import HTMLParser
 from typing import Any
 
@@ -70,7 +71,9 @@ class _Reader(HTMLParser):
         elif tag == "figure":
             self.figure = {"block": "figure", "svg": -1, "alt": "", "caption": []}
         elif tag == "img" and "data-svg" in attributes and self.figure is not None:
-            self.figure |= {"svg": int(attributes["data-svg"]), "alt": _label(self.svgs[int(attributes["data-svg"])])}
+            number = int(attributes["data-svg"])
+            words = re.search(r'aria-label="([^"]*)"', self.svgs[number])  # for screen readers
+            self.figure |= {"svg": number, "alt": unescape(words[1]) if words else "figure"}
         elif tag in LINES:
             self.runs, self.classes, self.styles = [], classes, []
         elif tag in ("b", "strong", "code", "sub", "span"):
@@ -135,11 +138,3 @@ def _trimmed(runs: list[list[str]]) -> list[list[str]]:
         kept[0] = [kept[0][0].lstrip(" "), kept[0][1]]
         kept[-1] = [kept[-1][0].rstrip(" "), kept[-1][1]]
     return [run for run in kept if run[0]]
-
-
-def _label(svg: str) -> str:
-    """The words for screen readers of a figure."""
-    from html import unescape
-
-    match = re.search(r'aria-label="([^"]*)"', svg)
-    return unescape(match[1]) if match else "figure"

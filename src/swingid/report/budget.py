@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from swingid.format import common_exponent, interval, number, percent, power_of_ten, pretty_unit
+from swingid.model.terms import stated_at
 from swingid.report.words import RIG, parameter_word
 from swingid.result.result import Result
 from swingid.result.summary import freedom_text, sorted_budget
@@ -58,28 +59,27 @@ def budgets(result: Result, rig: Rig | None, *, linear: bool) -> list[Budget]:
 def _budget(
     name: str, parameter: Parameter, entries: list[BudgetEntry], result: Result, rig: Rig | None, *, linear: bool
 ) -> Budget:
-    exponent = common_exponent([parameter.standard_uncertainty or 0.0])
+    u = parameter.standard_uncertainty or 0.0
+    exponent = common_exponent([u])
     shown, rest = (entries, []) if len(entries) <= MOST + 1 else (entries[:MOST], entries[MOST:])
     total = combined(entries, name)
     lines = [_line(entry, parameter, exponent, total, result, rig, linear=linear) for entry in shown]
     if rest:
-        u = combined(rest, name)
-        sums = _scaled(u, exponent), _share(u, total)
+        sums = _scaled(combined(rest, name), exponent), _share(combined(rest, name), total)
         lines.append((f"{len(rest)} smaller ones together", *("",) * 5, *sums, ""))
     word = parameter_word(name, linear=linear)
     power = f"{power_of_ten(exponent)} " if exponent else ""
     k = parameter.coverage_factor or 0.0
+    ends = parameter.interval95
     return Budget(
         name,
         str(word),
         Table(_columns(f"{power}{pretty_unit(parameter.unit)}".strip()), tuple(lines), "wide budget"),
-        number(parameter.standard_uncertainty or 0.0, parameter.unit, 2, fine=True),
+        number(u, parameter.unit, 2, fine=True),
         freedom_text(parameter),
         f"{k:.2f}",
-        number(k * (parameter.standard_uncertainty or 0.0), parameter.unit, 2, fine=True),
-        interval(parameter.interval95, parameter.unit, middle=parameter.value, fine=True)
-        if parameter.interval95
-        else "",
+        number(k * u, parameter.unit, 2, fine=True),
+        interval(ends, parameter.unit, middle=parameter.value, fine=True) if ends else "",
     )
 
 
@@ -134,12 +134,10 @@ def _stated(key: str, result: Result, rig: Rig | None) -> float | None:
     if key.startswith("sensors.") and rig is not None:
         quantity = getattr(rig.sensors.of("wheel" if ".wheel." in key else "angle"), key.rpartition(".")[2], None)
         return quantity.value if isinstance(quantity, Quantity) else None
-    if (stated := result.origin.constants.get(key)) is not None:
-        return stated.value
-    place: object = rig
-    for name in key.split("."):
-        place = getattr(place, name, None)
-    return place.value if isinstance(place, Quantity) else None
+    if (constant := result.origin.constants.get(key)) is not None:
+        return constant.value
+    stated = stated_at(rig, key)
+    return stated.value if isinstance(stated, Quantity) else None
 
 
 def _columns(unit: str) -> tuple[Column, ...]:

@@ -6,16 +6,13 @@ rig file cannot know is stated here. Dates and conditions are text as the labora
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Self
 
-from pydantic import ValidationError, model_validator
+from pydantic import model_validator
 
-from swingid.errors import InputError
-from swingid.model.rig.errors import describe
 from swingid.model.rig.fields import Column, Table, refuse
-from swingid.system import read_input
+from swingid.model.rig.toml_file import checked, tables_of, text_of
 
 LARGEST = 1_000_000
 """Bytes beyond which no such file is read."""
@@ -104,31 +101,15 @@ class Certificate(Table):
 
 def load_certificate(path: str | Path) -> Certificate:
     """The statements in a TOML file. Raises InputError that names the file and the key."""
-    name = str(path)
-    advice = "docs/report.md shows one", ("not-a-file", "give the file of the laboratory in it")
-    content = read_input(path, missing=advice[0], folder=advice[1], most=LARGEST)
-    try:
-        document = tomllib.loads(content.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise InputError(f"{name} is not UTF-8 text (byte {error.start}); save it as UTF-8", code="not-utf8") from None
-    except (ValueError, RecursionError) as error:
-        problem = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
-        raise InputError(f"{name} is not TOML: {problem[:200]}", code="not-toml") from None
-    try:
-        return Certificate.model_validate(document)
-    except ValidationError as error:
-        code, problem = describe(error, Certificate, what="a file of a laboratory")
-        raise InputError(f"{name}: {problem}", code=code) from None
+    missing, folder = "docs/report.md shows one", "give the file of the laboratory in it"
+    text = text_of(path, missing=missing, folder=folder, most=LARGEST)
+    return checked(tables_of(text, str(path)), Certificate, str(path), "a file of a laboratory")
 
 
 def stated_rows(certificate: Certificate) -> list[tuple[str, str]]:
     """What is stated, in words, in the order of a report."""
-    laboratory, customer, item, more = (
-        certificate.laboratory,
-        certificate.customer,
-        certificate.item,
-        certificate.measurement,
-    )
+    laboratory, customer = certificate.laboratory, certificate.customer
+    item, more = certificate.item, certificate.measurement
     granted = laboratory.accreditation
     rows = [
         ("laboratory", _joined(laboratory.name, laboratory.address)),

@@ -182,17 +182,15 @@ def _title(result: Result, log: Recording | None) -> str:
 def _answer(result: Result, *, linear: bool) -> dict[str, str]:
     inertia = result.main
     word = parameter_word(result.leading, linear=linear)
-    u = inertia.standard_uncertainty
+    u, ends = inertia.standard_uncertainty, inertia.interval95
     return {
         "words": word.words,
         "symbol": word.symbol,
-        "value": value_and_reach(inertia, fine=True) if inertia.interval95 else value_text(inertia, fine=True),
+        "value": value_and_reach(inertia, fine=True) if ends else value_text(inertia, fine=True),
         "standard": number(u, inertia.unit, 2, fine=True) if u is not None else "",
         "factor": f"{inertia.coverage_factor:.2f}" if inertia.coverage_factor else "",
         "freedom": freedom_text(inertia),
-        "interval": interval(inertia.interval95, inertia.unit, middle=inertia.value, fine=True)
-        if inertia.interval95
-        else "",
+        "interval": interval(ends, inertia.unit, middle=inertia.value, fine=True) if ends else "",
         "relative": relative(inertia, fine=True),
         "unknown": "" if u is not None else why_unknown(result, result.leading),
     }

@@ -14,6 +14,7 @@ from swingid.numerics.arrays import Array
 from swingid.report.page import filled, write_page
 from swingid.report.style import envelope, house_style, legend_above, new_figure, to_svg
 from swingid.result.plot import BLUE, GREY, INK, PALE, VERMILION
+from swingid.study.reproduce.published import BACKSTEPPING, TIMES, stated_in
 from swingid.study.reproduce.tables import tables
 from swingid.table import Cell, Table
 
@@ -30,34 +31,6 @@ MARKS = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 DOTS = 150
 """Dots per inch of the PNG files."""
-
-WHOLE = "Above the whole run, below the last two seconds of the part that is identified."
-
-EXPERIMENT = {
-    2: ("Tracking errors e with (dashed) and without (solid) body (no filtering)", f"{WHOLE} Dotted: ± δ0."),
-    3: ("Pendulum angular velocity q1' with (dashed) and without (solid) body", f"{WHOLE} The twin's true velocity."),
-    4: ("Wheel angular velocity q2' with (dashed) and without (solid) body", f"{WHOLE} The twin's true velocity."),
-    5: ("Control signal u0 with (dashed) and without (solid) body", f"{WHOLE} Dotted: the limit of ± 10 V."),
-    6: (
-        "Tuning parameter k̃ complete with filter W_f(p)",
-        "With (dashed) and without (solid) body; grey: from 15 to 22 s, where the intervals lie.",
-    ),
-}
-
-SIMULATION = {
-    7: (
-        "Pendulum angle q1 of the control system (solid), program trajectory (dashed), tracking error (1) e and "
-        "tunable parameter (2)",
-        "The colours are the paper's: q1 green, reference blue, e red, 0.005 k̃ brown. Below, around the paper's four "
-        "times; angle and reference lie on each other, so e is drawn 100 times as large there.",
-    ),
-    8: (
-        "Identification error J1 − Ĵ1",
-        "Backstepping with the paper's gains; band: ± 5 %, dotted: the paper's 8 s; below, ten times as large. The "
-        "paper does not print the motion, and leaves an error out of its proof (consistent law); its 5 % after 8 s is "
-        "nearly met by the printed law at 2 rad/s (thick).",
-    ),
-}
 
 Runs = Mapping[str, "Run"]
 
@@ -144,14 +117,11 @@ def drawn_figures(reproduction: Reproduction) -> list[Drawing]:
     """All figures of a reproduction; the same one gives the same bytes."""
     runs, ideal = reproduction.experiment.runs, reproduction.simulation
     with house_style():
-        return [
-            *(_drawing(k, *EXPERIMENT[k], DRAW[k](runs)) for k in EXPERIMENT),
-            _drawing(7, *SIMULATION[7], draw_fig7(ideal.log)),
-            _drawing(8, *SIMULATION[8], draw_fig8(ideal)),
-        ]
+        figures = {k: draw(runs) for k, draw in DRAW.items()} | {7: draw_fig7(ideal.log), 8: draw_fig8(ideal)}
+        return [_drawing(k, figure, **stated_in("figures")[str(k)]) for k, figure in figures.items()]
 
 
-def _drawing(number: int, caption: str, here: str, figure: Figure) -> Drawing:
+def _drawing(number: int, figure: Figure, caption: str, here: str) -> Drawing:
     svg = to_svg(figure, f"fig{number}", f"Figure {number}. {caption}")
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DOTS, metadata={"Software": None})
@@ -210,8 +180,6 @@ DRAW: dict[int, Callable[[Runs], Figure]] = {
 
 def draw_fig7(log: Recording) -> Figure:
     """Angle, reference, error and 0.005 k tilde; below, around the paper's four times."""
-    from swingid.study.reproduce.published import TIMES
-
     assert log.reference is not None
     assert log.adaptive_gain is not None
     figure, (whole, close) = new_figure(4.8, 2)
@@ -228,23 +196,16 @@ def draw_fig7(log: Recording) -> Figure:
     close.plot(log.time[part], MAGNIFIED * error[part], color=RED, lw=1.0, label="_error")
     for name, instant in zip(("t10", "t11", "t20", "t21"), TIMES, strict=True):
         close.axvline(instant, color=INK, lw=0.9, ls=":")
-        before = name in ("t10", "t11")
-        close.annotate(
-            name,
-            (instant, 1.0),
-            (-3 if before else 3, -2),
-            xycoords=("data", "axes fraction"),
-            textcoords="offset points",
-            ha="right" if before else "left",
-            va="top",
-        )
+        place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "va": "top"}
+        offset, side = ((-3, -2), "right") if name in ("t10", "t11") else ((3, -2), "left")
+        close.annotate(name, (instant, 1.0), offset, ha=side, **place)
     # the caption's numbers on the lines too, for those who cannot distinguish the colours
     for axes, words, instant, values in (
         (whole, "(2)", 3.0, 0.005 * log.adaptive_gain),
         (close, "(1)", 9.15, MAGNIFIED * error),
     ):
-        place = (instant, float(values[log.time.searchsorted(instant)]))
-        axes.annotate(words, place, (-8, 4), textcoords="offset points", color=INK, ha="center")
+        point = (instant, float(values[log.time.searchsorted(instant)]))
+        axes.annotate(words, point, (-8, 4), textcoords="offset points", color=INK, ha="center")
     close.set(xlim=ABOUT_TIMES, xlabel="time, s", ylabel=f"rad, e times {MAGNIFIED}")
     legend_above(whole, 4)
     return figure
@@ -252,21 +213,15 @@ def draw_fig7(log: Recording) -> Figure:
 
 def draw_fig8(simulation: Simulation) -> Figure:
     """J1 − J1^ of all runs, in 10^-5 kg m^2, with the band of 5 %: as a whole, and near zero."""
-    from swingid.study.reproduce.published import BACKSTEPPING
-
     figure, (whole, close) = new_figure(4.8, 2, sharex=True)
     colours = {2.0: VERMILION, 8.5: BLUE}
     for curve in simulation.curves:
         printed = curve.law == "printed"
         bold = printed and curve.frequency == 2.0
-        style: dict[str, Any] = {
-            "ls": "-" if printed else (0, (4, 2)),
-            "lw": 2.0 if bold else 1.1,
-            "color": colours[curve.frequency],
-        }
-        label = f"{curve.law} law, {curve.frequency:g} rad/s"
+        style: dict[str, Any] = {"ls": "-" if printed else (0, (4, 2)), "lw": 2.0 if bold else 1.1}
+        style |= {"color": colours[curve.frequency], "label": f"{curve.law} law, {curve.frequency:g} rad/s"}
         for axes in (whole, close):
-            axes.plot(curve.time[::20], 1e5 * (simulation.truth - curve.inertia[::20]), label=label, **style)
+            axes.plot(curve.time[::20], 1e5 * (simulation.truth - curve.inertia[::20]), **style)
     error, after = BACKSTEPPING
     band = 1e3 * error * simulation.truth
     for axes, least, most in ((whole, -2.2, 1.1), (close, -0.22, 0.11)):

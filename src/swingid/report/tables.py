@@ -26,7 +26,6 @@ from swingid.result.summary import (
     why_unknown,
 )
 from swingid.table import Cell, Column, Table, pairs
-from swingid.uncertainty.budget import Parameter
 from swingid.uncertainty.freedom import MANY
 from swingid.units import Quantity
 
@@ -70,7 +69,9 @@ def parameter_table(result: Result, *, linear: bool) -> Table:
     rows = []
     for name, parameter in result.parameters.items():
         bounds = parameter.interval95
-        ends = interval(bounds, middle=parameter.value, fine=True) + _coverage(parameter) if bounds else ""
+        ends = interval(bounds, middle=parameter.value, fine=True) if bounds else ""
+        if ends and parameter.degrees_of_freedom < MANY:  # so few that they widen the interval
+            ends += f" (k = {parameter.coverage_factor:.2f}, ν = {freedom_text(parameter)})"
         reach = ends or f"uncertainty unknown: {why_unknown(result, name)}"
         words = str(parameter_word(name, linear=linear))
         rows.append((Cell(words, name), value_text(parameter, fine=True), relative(parameter, fine=True), reach))
@@ -87,13 +88,6 @@ def log_table(result: Result, body: str) -> Table:
         Column("", "text"),
     )
     return Table(columns, tuple(tuple(log_row(of_log, result, fine=True)) for of_log in result.per_log))
-
-
-def _coverage(parameter: Parameter) -> str:
-    """Coverage factor and degrees of freedom where these are so few that they widen the interval."""
-    if parameter.degrees_of_freedom >= MANY:
-        return ""
-    return f" (k = {parameter.coverage_factor:.2f}, ν = {freedom_text(parameter)})"
 
 
 def rig_table(rig: Rig) -> Table:
@@ -210,10 +204,9 @@ def extra_table(result: Result) -> Table:
     """Further figures of merit that the method gives, as shares where they are known to be shares."""
     extra = result.details.extra if result.details else {}
     rows = [
-        (
-            EXTRA.get(name, name.replace("_", " ")),
-            percent(value, fine=True) if name in EXTRA else number(value, fine=True),
-        )
+        (EXTRA[name], percent(value, fine=True))
+        if name in EXTRA
+        else (name.replace("_", " "), number(value, fine=True))
         for name, value in extra.items()
     ]
     return pairs(rows, "number")
@@ -299,15 +292,11 @@ def method_table(result: Result, rig: Rig | None) -> Table:
 
 def _correction(correction: dict[str, Any]) -> str:
     """'wheel latency (0.20 ± 0.10) ms, stated'."""
-    size = (
-        ""
-        if correction.get("value") is None
-        else plus_minus(correction["value"], correction["standard_uncertainty"], correction["unit"], fine=True)
-    )
-    return (
-        f"{correction['channel']} {str(correction['kind']).replace('_', ' ')} {size}".strip()
-        + f", {correction['origin']}"
-    )
+    what = f"{correction['channel']} {str(correction['kind']).replace('_', ' ')}"
+    if correction.get("value") is not None:
+        size = (correction[key] for key in ("value", "standard_uncertainty", "unit"))
+        what += f" {plus_minus(*size, fine=True)}"
+    return f"{what.strip()}, {correction['origin']}"
 
 
 def correlation_table(result: Result) -> Table:

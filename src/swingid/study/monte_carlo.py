@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -83,7 +83,7 @@ class Experiment:
         changes: dict[str, object] = {}
         for key, constant in self.constants.items():
             if key in draw.units and key != CLOCK:
-                value = constant.value + (constant.std or 0.0) * draw.units[key]
+                value = constant.value + self._error(key, draw.units)
                 changes[key] = Quantity(value, None if key in TILTS else constant.std)
         return self.rig.changed(changes) if changes else self.rig
 
@@ -101,11 +101,10 @@ class Experiment:
             read = moved(log.time, values, late)
             read = read + alpha * np.cos(values) + beta * np.sin(values)
             channels[name] = read if generator is None else read + sigma * generator.standard_normal(len(read))
-        clock = self.constants.get(CLOCK, Quantity(0.0))
-        time = log.time * (1 + (clock.std or 0.0) * units.get(CLOCK, 0.0))
+        time = log.time * (1 + self._error(CLOCK, units))
         angle = channels["angle"]
         assert angle is not None
-        angle = angle * self._ratio("log.angle_scale", units) + self._shift("log.angle_offset", units)
+        angle = angle * self._ratio("log.angle_scale", units) + self._error("log.angle_offset", units)
         wheel = channels["wheel"]
         wheel = None if wheel is None else wheel * self._ratio("log.wheel_scale", units)
         volts, torque = (
@@ -114,20 +113,17 @@ class Experiment:
         )
         return replace(log, time=time, angle=angle, wheel_angle=wheel, voltage=volts, torque=torque)
 
-    def _ratio(self, key: str, units: Mapping[str, float]) -> float:
-        constant = self.constants.get(key)
-        return 1.0 if constant is None or key not in units else 1 + (constant.std or 0.0) * units[key] / constant.value
-
-    def _shift(self, key: str, units: Mapping[str, float]) -> float:
+    def _error(self, key: str, units: Mapping[str, float]) -> float:
         constant = self.constants.get(key)
         return 0.0 if constant is None else (constant.std or 0.0) * units.get(key, 0.0)
+
+    def _ratio(self, key: str, units: Mapping[str, float]) -> float:
+        return 1 + self._error(key, units) / self.constants[key].value if key in self.constants else 1.0
 
 
 def uncertain_constants(rig: Rig) -> dict[str, Quantity]:
     """Every quantity of the rig with a standard uncertainty that a draw changes, by its dotted key."""
-    constants: dict[str, Quantity] = {}
-    for section in ("axis", "drive"):
-        _collect(getattr(rig, section), section, constants)
+    constants = dict(_quantities(rig.axis, "axis")) | dict(_quantities(rig.drive, "drive"))
     keys = [key for term in further_terms() for key in (term.key, term.shift) if key]
     constants |= {
         key: quantity for key in (*keys, *SCALES, CLOCK) if isinstance(quantity := stated_at(rig, key), Quantity)
@@ -141,13 +137,13 @@ def uncertain_constants(rig: Rig) -> dict[str, Quantity]:
     }
 
 
-def _collect(table: Table, path: str, constants: dict[str, Quantity]) -> None:
+def _quantities(table: Table, path: str) -> Iterator[tuple[str, Quantity]]:
     for name in type(table).model_fields:
         value = getattr(table, name)
         if isinstance(value, Quantity):
-            constants[f"{path}.{name}"] = value
+            yield f"{path}.{name}", value
         elif isinstance(value, Table):
-            _collect(value, f"{path}.{name}", constants)
+            yield from _quantities(value, f"{path}.{name}")
 
 
 def monte_carlo(

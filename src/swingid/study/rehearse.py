@@ -17,7 +17,7 @@ from swingid.processes import map_in_processes
 from swingid.study.experiment import Experiment, without_truth
 from swingid.study.faults import parse_fault, with_faults
 from swingid.study.output import Study, counted, noted
-from swingid.study.trials import Expectation, Head, Row, rows_of
+from swingid.study.trials import Expectation, Head, Row, columns_of, rows_of
 from swingid.table import Table, plain
 
 if TYPE_CHECKING:
@@ -134,7 +134,9 @@ def rehearse(
         tables.append(rows)
         if progress is not None:
             progress(len(tables), runs)
-    expectations = tuple(Expectation.of([rows[k] for rows in tables]) for k in range(len(chosen)))
+    expectations = tuple(
+        Expectation.of(name, columns_of([rows[k] for rows in tables])) for k, name in enumerate(chosen)
+    )
     if not any(e.answered for e in expectations):
         reasons = ", ".join(sorted({reason for e in expectations for reason in e.refusals}))
         raise UnanswerableError(

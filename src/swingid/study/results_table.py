@@ -59,8 +59,10 @@ class ResultsTable:
         """A line per log and method with its leading parameter, for a terminal."""
         rows = []
         for (log, method), result in self.results.items():
-            reason = result.error.code if result.error is not None else ""
-            shown = reason or f"{result.leading} {_shown(result)}"
+            shown = "" if result.error is None else result.error.code
+            if not shown:
+                main = result.main
+                shown = f"{result.leading} {plus_minus(main.value, main.standard_uncertainty, main.unit)}"
             rows.append((log, method, result.status, shown))
         table = Table(plain("log", "method", "status", "result"), tuple(rows))
         return "\n".join(line.rstrip() for line in table.lines())
@@ -86,11 +88,6 @@ def results_table(
         for method in methods:
             results[path, method] = _one(log, rig, method, part, momentum)
     return ResultsTable(results)
-
-
-def _shown(result: Result) -> str:
-    main = result.main
-    return plus_minus(main.value, main.standard_uncertainty, main.unit)
 
 
 def _one(log: Recording | LargeLog | SwingidError, rig: Rig, method: str, part: object, momentum: Answers) -> Result:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swingid.errors import SwingidError
 from swingid.identification import identify_beside
@@ -28,6 +29,9 @@ AT_LIMIT = 0.999
 """Share of the voltage limit from which on a command counts as saturated."""
 
 Row = dict[str, Any]
+
+Columns = Mapping[str, NDArray[Any]]
+"""Rows by column."""
 
 FAILED, REFUSED = "failed", "refused"
 """Status of a row where there was no log, and where the method has no number; others are those of a result."""
@@ -76,12 +80,6 @@ class Head:
     loop: Loop = field(default_factory=Loop)
     bounds: dict[str, float] = field(default_factory=dict)
 
-    def _true(self, quantity: str) -> float:
-        """The true value of a parameter, or of a ratio such as "gravity_torque/inertia"; NaN where there is none."""
-        over, slash, under = quantity.partition("/")
-        value = _number(self.truth.get(over))
-        return value / _number(self.truth.get(under)) if slash else value
-
     def row(
         self,
         method: str,
@@ -92,7 +90,13 @@ class Head:
     ) -> Row:
         """A row with a number, with the reason why there is none, or with neither."""
         nothing = dict.fromkeys(("value", "u", "low", "high", "error"), math.nan)
-        code, message = _reason(estimate) if isinstance(estimate, Exception) else ("", "")
+        code, message = "", ""
+        if isinstance(estimate, SwingidError):
+            code, message = estimate.code, estimate.message
+        elif isinstance(estimate, Exception):
+            code, message = f"bug-{type(estimate).__name__}", " ".join(str(estimate).split())[:200]
+        over, _, under = quantity.partition("/")  # a parameter, or a ratio such as "gravity_torque/inertia"
+        truth = _number(self.truth.get(over)) / (_number(self.truth.get(under)) if under else 1.0)
         row = {
             **self.place,
             "method": method,
@@ -101,7 +105,7 @@ class Head:
             "code": code,
             "message": message,
             "warnings": " ".join(sorted(set(warnings))),
-            "truth": self._true(quantity),
+            "truth": truth,
             **nothing,
             "bound": self.bounds.get(quantity, math.nan),
             **asdict(self.loop),
@@ -110,7 +114,7 @@ class Head:
             return row
         low, high = estimate.interval95 or (math.nan, math.nan)
         u = math.nan if estimate.standard_uncertainty is None else estimate.standard_uncertainty
-        error = estimate.value / row["truth"] - 1 if row["truth"] else math.nan
+        error = estimate.value / truth - 1 if truth else math.nan
         return row | {"value": estimate.value, "u": u, "low": low, "high": high, "error": error}
 
 
@@ -153,14 +157,13 @@ def _answer(head: Head, name: str, quantity: str, result: Result | Exception) ->
     return head.row(name, quantity, result.parameters[quantity], result.status, warnings)
 
 
-def _reason(error: Exception) -> tuple[str, str]:
-    if isinstance(error, SwingidError):
-        return error.code, error.message
-    return f"bug-{type(error).__name__}", " ".join(str(error).split())[:200]
-
-
 def _number(value: object) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
+
+
+def columns_of(rows: Sequence[Row]) -> Columns:
+    """The columns of rows that have the same keys."""
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
 @dataclass(frozen=True)
@@ -177,15 +180,15 @@ class Expectation:
     warnings: dict[str, int]
 
     @classmethod
-    def of(cls, rows: Sequence[Row]) -> Expectation:
-        """Summarise some rows of one method and quantity."""
-        lows, highs, truths = (np.array([row[name] for row in rows]) for name in ("low", "high", "truth"))
+    def of(cls, method: str, columns: Columns) -> Expectation:
+        """Summarise rows of one method and quantity; where the truth is 0 there is no relative error."""
+        truth = np.where(columns["truth"] == 0.0, np.nan, columns["truth"])
         return cls(
-            rows[0]["method"],
-            np.array([row["error"] for row in rows]),
-            (highs - lows) / 2 / truths,
-            dict(Counter(row["code"] for row in rows if row["code"])),
-            dict(Counter(code for row in rows for code in row["warnings"].split())),
+            method,
+            columns["value"] / truth - 1,
+            np.abs((columns["high"] - columns["low"]) / 2 / truth),
+            dict(Counter(code for code in columns["code"].tolist() if code)),
+            dict(Counter(code for text in columns["warnings"].tolist() for code in text.split())),
         )
 
     @property

@@ -23,7 +23,6 @@ from swingid.format import noise_of, number
 from swingid.methods.output_error.problem import NO_ENTRIES, Input, Problem
 from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import Unknowns
-from swingid.model.equation import Equation
 from swingid.model.parameters import constants as rig_constants
 from swingid.model.parameters import vector
 from swingid.model.rig import Rig
@@ -32,7 +31,7 @@ from swingid.numerics import shooting
 from swingid.numerics.arrays import Array
 from swingid.numerics.gauss_newton import LEAST, STALLED, solve
 from swingid.preparation.noise import Noise
-from swingid.preparation.prepared import Part, Prepared, prepare
+from swingid.preparation.prepared import Prepared, prepare
 from swingid.preparation.scale import refuse_motor
 from swingid.preparation.speed import smooth_speed
 from swingid.progress import tracked
@@ -205,20 +204,16 @@ def _misfits(predictions: Sequence[Prediction]) -> Iterator[str]:
         )
 
 
-def _check_sign(part: Part, rig: Rig, equation: Equation, where: str) -> None:
-    """Raise InputError where the wheel (torque) of the log has the wrong sign."""
-    signals = Signals.of(part.log, rig, part.motion, part.encoders)
-    fit = fit_rows(rows_of(signals, law_windows(signals, part.motion.half_period / 4)), equation, part.noise, BASIS)
-    if fit is not None:
-        check_sign(fit, where, live=part.log.is_live)
-
-
 def _of_log(prepared: Prepared, p: Array, wanted: Literal["voltage", "wheel"] | None, name: str) -> Prediction:
     source = drive_of(prepared.log, prepared.rig, wanted)
     part = prepared.part()
     noise, half_period = part.noise, part.motion.half_period
     if len(part.motion.turning_times) > 1:
-        _check_sign(part, prepared.rig, prepared.equation, name)
+        signals = Signals.of(part.log, prepared.rig, part.motion, part.encoders)
+        rows = rows_of(signals, law_windows(signals, half_period / 4))
+        law = fit_rows(rows, prepared.equation, noise, BASIS)
+        if law is not None:
+            check_sign(law, name, live=part.log.is_live)
     runs = [
         problem_of(part.log, part.encoders, noise, source, length, part.longest_gap) for length in (np.inf, half_period)
     ]

@@ -12,20 +12,19 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
-from swingid.errors import InputError, UsageError
+from swingid.errors import UsageError
 from swingid.model.rig import inside
 from swingid.model.rig.device import DeviceTable
 from swingid.model.rig.drive import Drive
-from swingid.model.rig.errors import describe
 from swingid.model.rig.fields import Column, Table, refuse, stated
 from swingid.model.rig.gravity import in_place_of_weighing
 from swingid.model.rig.sensors import NONLINEARITY, Sensors
 from swingid.model.rig.tables import Axis, LogConventions
+from swingid.model.rig.toml_file import checked, tables_of, text_of
 from swingid.model.terms import MOTOR_KEYS, rig_terms
 from swingid.quantity_text import shown
-from swingid.system import read_input
 from swingid.units import Quantity
 
 
@@ -130,23 +129,13 @@ class Rig(Table):
 
         Raises InputError for text that is no TOML or no rig, naming the key.
         """
-        try:
-            document = tomllib.loads(text.removeprefix("\ufeff"))
-        except (ValueError, RecursionError) as error:
-            # RecursionError: brackets nested thousands deep
-            problem = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
-            raise InputError(f"{source} is not TOML: {problem[:200]}", code="not-toml") from None
-        return cls._validated({"name": default_name, **document}, source, text)
+        return cls._validated({"name": default_name, **tables_of(text, source)}, source, text)
 
     @classmethod
     def _validated(cls, document: Mapping[str, Any], source: str, text: str) -> Rig:
         axis = document.get("axis")
         kind = axis.get("kind", "rotary") if isinstance(axis, dict) else "rotary"
-        try:
-            rig = cls.model_validate(document, context={"kind": kind})
-        except ValidationError as error:
-            code, problem = describe(error, cls)
-            raise InputError(f"{source}: {problem}", code=code) from None
+        rig = checked(document, cls, source, context={"kind": kind})
         rig._source, rig._text = source, text
         return rig
 
@@ -333,10 +322,5 @@ def _tables(text: str) -> Mapping[str, Any]:
 
 def _read(path: Path) -> str:
     """The text of a rig file, or InputError with the reason why there is none."""
-    missing, folder = "'swingid init DIR' writes a rig.toml to start from", ("not-a-file", "give the rig file in it")
-    content = read_input(path, missing=missing, folder=folder)
-    try:
-        return content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        message = f"{path} is not UTF-8 text (byte {error.start}); save it as UTF-8"
-        raise InputError(message, code="not-utf8") from None
+    missing = "'swingid init DIR' writes a rig.toml to start from"
+    return text_of(path, missing=missing, folder="give the rig file in it")

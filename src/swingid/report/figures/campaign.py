@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -72,20 +72,18 @@ def draw_levels(summary: Summary, factor: str, quantity: str = "inertia") -> Fig
 
     None where a factor has fewer than two levels with an answer.
     """
-    cells, levels = _of_factor(summary, factor, quantity)
-    cells = [cell for cell in cells if cell.statistics.rmse[0] > 0]
-    if len({cell.level for cell in cells}) < 2:
+    cells, levels = _of_factor(summary, factor, quantity, lambda cell: cell.statistics.rmse[0] > 0)
+    if not cells:
         return None
     numbers = _numbers(levels)
     figure, ax = _by_method(cells, levels, 1, high=not numbers)
-    for k, method in enumerate(methods := _methods(cells)):
-        of_method = [c for c in cells if c.method == method]
-        sizes, errors = [100 * c.statistics.rmse[0] for c in of_method], [100 * c.statistics.rmse[1] for c in of_method]
+    for of_method, places, look in _each_method(cells, levels):
+        sizes, errors = ([100 * cell.statistics.rmse[k] for cell in of_method] for k in (0, 1))
         if numbers:
-            at = [numbers[c.level] for c in of_method]
-            ax.errorbar(at, sizes, yerr=errors, **_look(k, method, "-"))
+            look["fmt"] += "-"
+            ax.errorbar([numbers[cell.level] for cell in of_method], sizes, yerr=errors, **look)
         else:
-            ax.errorbar(sizes, _places(of_method, levels, k, methods), xerr=errors, **_look(k, method))
+            ax.errorbar(sizes, places, xerr=errors, **look)
     if numbers:
         _over_numbers(ax, factor, list(numbers.values()), cells, numbers)
     else:
@@ -97,10 +95,14 @@ def draw_levels(summary: Summary, factor: str, quantity: str = "inertia") -> Fig
     return figure
 
 
-def _of_factor(summary: Summary, factor: str, quantity: str) -> tuple[list[Cell], list[str]]:
-    """The cells of a factor and quantity, and the levels."""
+def _of_factor(
+    summary: Summary, factor: str, quantity: str, known: Callable[[Cell], bool]
+) -> tuple[list[Cell], list[str]]:
+    """The cells of a factor with an entry, none where fewer than two levels have one; and all its levels."""
     cells = [c for c in summary.by_level if (c.factor, c.quantity) == (factor, quantity)]
-    return cells, list(dict.fromkeys(c.level for c in cells))
+    entries = [cell for cell in cells if known(cell)]
+    enough = len({cell.level for cell in entries}) > 1
+    return entries if enough else [], list(dict.fromkeys(cell.level for cell in cells))
 
 
 def _methods(cells: Sequence[Cell]) -> list[str]:
@@ -115,15 +117,13 @@ def _by_method(cells: Sequence[Cell], levels: Sequence[str], more: int, *, high:
     return figure, ax
 
 
-def _look(k: int, method: str, line: str = "") -> dict[str, Any]:
-    """How the k-th method is drawn."""
-    colour, marker = MANY_LOOKS[k % len(MANY_LOOKS)]
-    return points(colour, f"{marker}{line}", elinewidth=1.0, capsize=0, label=method)
-
-
-def _places(cells: Sequence[Cell], levels: list[str], k: int, methods: Sequence[str]) -> list[float]:
-    """Rows of the k-th method's cells."""
-    return [levels.index(cell.level) + shift(k, methods) for cell in cells]
+def _each_method(cells: Sequence[Cell], levels: list[str]) -> Iterator[tuple[list[Cell], list[float], dict[str, Any]]]:
+    """The cells of each method, their rows, and how the method is drawn."""
+    for k, method in enumerate(methods := _methods(cells)):
+        colour, marker = MANY_LOOKS[k % len(MANY_LOOKS)]
+        of_method = [cell for cell in cells if cell.method == method]
+        places = [levels.index(cell.level) + shift(k, methods) for cell in of_method]
+        yield of_method, places, points(colour, marker, elinewidth=1.0, capsize=0, label=method)
 
 
 def shift(k: int, methods: Sequence[str]) -> float:
@@ -168,13 +168,12 @@ def _over_numbers(ax: Axes, factor: str, at: list[float], cells: list[Cell], num
         plain_powers(ax.xaxis)
     else:
         ax.set_xticks(np.unique(at), [f"{place:g}" for place in np.unique(at)])
-    ax.set_xlabel(factor)
-    ax.set_ylabel("RMSE of the inertia, %")
+    ax.set(xlabel=factor, ylabel="RMSE of the inertia, %")
 
 
 def draw_coverage(summary: Summary) -> Figure | None:
     """Share of the intervals that contain the true value, with its binomial standard error; None without intervals."""
-    cells = [cell for cell in summary.overall if math.isfinite(cell.statistics.coverage[0])]
+    cells = [cell for cell in summary.overall if _has_intervals(cell)]
     if not cells:
         return None
     figure, (ax,) = new_figure(0.8 + 0.26 * len(cells))
@@ -188,19 +187,21 @@ def draw_coverage(summary: Summary) -> Figure | None:
 
 def draw_coverage_by(summary: Summary, factor: str, quantity: str = "inertia") -> Figure | None:
     """The same for every method at each level of a factor; None with fewer than two levels that have intervals."""
-    cells, levels = _of_factor(summary, factor, quantity)
-    cells = [cell for cell in cells if math.isfinite(cell.statistics.coverage[0])]
-    if len({cell.level for cell in cells}) < 2:
+    cells, levels = _of_factor(summary, factor, quantity, _has_intervals)
+    if not cells:
         return None
     figure, ax = _by_method(cells, levels, 0, high=True)
-    for k, method in enumerate(methods := _methods(cells)):
-        of_method = [cell for cell in cells if cell.method == method]
+    for of_method, places, look in _each_method(cells, levels):
         shares, bars = _shares(of_method)
-        ax.errorbar(shares, _places(of_method, levels, k, methods), xerr=bars, **_look(k, method))
+        ax.errorbar(shares, places, xerr=bars, **look)
     _share_axis(ax, cells)
     name_levels(ax, levels)
     legend_above(ax, LEGEND_COLUMNS)
     return figure
+
+
+def _has_intervals(cell: Cell) -> bool:
+    return math.isfinite(cell.statistics.coverage[0])
 
 
 def _shares(cells: Sequence[Cell]) -> tuple[list[float], list[list[float]]]:
@@ -227,8 +228,8 @@ def draw_boxes(summary: Summary) -> Figure | None:
         of_cell = (summary.columns["method"] == cell.method) & (summary.columns["quantity"] == cell.quantity)
         error = summary.columns["error"][of_cell]
         u = summary.columns["u"][of_cell] / np.abs(summary.columns["truth"][of_cell])
-        sizes.append(_known(100 * np.abs(error)))
-        claimed.append(_known(error / u))
+        sizes.append(100 * np.abs(error[np.isfinite(error)]))
+        claimed.append((error / u)[np.isfinite(error / u)])
     figure, (left, right) = new_figure(1.2 + 0.3 * len(cells), ncols=2, sharey=True)
     _boxes(left, sizes)
     left.set_xscale("log")
@@ -242,9 +243,7 @@ def draw_boxes(summary: Summary) -> Figure | None:
         right.set_xscale("symlog", linthresh=LINEAR, linscale=1.5)
         right.set_xlim(-1.5 * far, 1.5 * far)
         power = 10.0 ** np.floor(np.log10(far))
-        ticks = [-power, -2.0, 0.0, 2.0, power]
-        right.set_xticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
-        right.minorticks_off()
+        _ticks(right, [-power, -2.0, 0.0, 2.0, power])
     else:
         reach = max(1.1 * far, 3.0)
         right.set_xlim(-reach, reach)
@@ -254,8 +253,10 @@ def draw_boxes(summary: Summary) -> Figure | None:
     return figure
 
 
-def _known(values: Values) -> Values:
-    return values[np.isfinite(values)]
+def _ticks(axes: Axes, ticks: Sequence[float]) -> None:
+    """Ticks of the horizontal axis at these places alone."""
+    axes.set_xticks(ticks, [f"{tick:g}".replace("-", "−", 1) if tick < 0 else f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
 
 
 def _boxes(axes: Axes, groups: list[Values]) -> None:
@@ -354,25 +355,15 @@ def draw_tornado(summary: Summary, method: str, quantity: str = "inertia") -> Fi
         ax.barh(row, min(low, 0.0), color=ORANGE, height=0.6, label="lowest mean error" if first else None)
         ax.barh(row, max(high, 0.0), color=BLUE, height=0.6, label="highest mean error" if first else None)
         ax.plot([-size, size], [row, row], "|-", color=INK, lw=0.9, ms=7, label="± largest RMSE" if first else None)
-        ax.annotate(
-            f"{percent(effect.rmse[0])} at {effect.rmse[1]}",
-            (1.01, row),
-            xycoords=("axes fraction", "data"),
-            va="center",
-            size=8.0,
-            color=INK,
-            annotation_clip=False,
-        )
+        place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center", "annotation_clip": False}
+        ax.annotate(f"{percent(effect.rmse[0])} at {effect.rmse[1]}", (1.01, row), size=8.0, color=INK, **place)
     smallest = 100 * _size(effects[-1])
     if smallest < largest / 30:
         linear = max(largest / 10**DECADES, min(smallest, largest / 10))
         ax.set_xscale("symlog", linthresh=linear, linscale=0.5)
         decades = 10.0 ** np.arange(np.ceil(np.log10(linear)), np.floor(np.log10(largest)) + 1)
         decades = decades[:: max(1, len(decades) // 3)]
-        ax.set_xticks(
-            [*(-decades[::-1]), 0.0, *decades], [*(f"−{d:g}" for d in decades[::-1]), "0", *(f"{d:g}" for d in decades)]
-        )
-        ax.minorticks_off()
+        _ticks(ax, [*(-decades[::-1]), 0.0, *decades])
     ax.set_xlim(-1.5 * largest, 1.5 * largest)
     ax.axvline(0.0, color=INK, lw=0.8)
     name_rows(ax, [effect.factor for effect in effects])

@@ -55,7 +55,9 @@ def draw_forest(comparison: Comparison) -> Figure | None:
         off = 100 * (trial.result.main.value / origins[trial.log] - 1)
         u = trial.result.main.standard_uncertainty
         placed.append((trial, row, off, 100 * COVERAGE_FACTOR * (u or 0.0) / abs(origins[trial.log])))
-    reach = _reach([off for _, _, off, _ in placed], [bar for *_, bar in placed])
+    # everything, but for what lies so far out that the rest would be a line
+    ends = np.array([abs(off) + bar for _, _, off, bar in placed])
+    reach = 1.15 * float(max(ends[ends <= WIDEST * max(float(np.min(ends)), 1e-4)].max(), 1e-6))
     for trial, row, off, bar in placed:
         colour, marker = LOOKS[logs.index(trial.log) % len(LOOKS)]
         ax.errorbar(off, row, xerr=bar, **points(colour, marker))
@@ -80,13 +82,6 @@ def _origin(trials: tuple[Trial, ...]) -> float:
         if trial.truth is not None:
             return trial.truth
     return next((t.result.main.value for t in trials if t.result.leading in t.result.parameters), 1.0)
-
-
-def _reach(offsets: list[float], bars: list[float]) -> float:
-    """Half-width of the panel: everything, but for what lies so far out that the rest would be a line."""
-    ends = np.abs(offsets) + np.array(bars)
-    shown = ends[ends <= WIDEST * max(float(np.min(ends)), 1e-4)]
-    return 1.15 * float(max(shown.max(), 1e-6))
 
 
 def _arrow_where_outside(ax: Axes, off: float, row: float, reach: float, colour: str) -> None:

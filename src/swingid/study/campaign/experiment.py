@@ -31,7 +31,9 @@ GAINS = {"experiment": Compensator.paper, "simulation": Compensator.paper_simula
 def experiment_of(plan: Plan, point: Point) -> Experiment:
     """The experiment of a point. Raises InputError or UsageError that names the key which cannot be."""
     base = plan.tables.base
-    settings = _base_settings(plan) | point.settings
+    settings = {name: getattr(base, name) for name in PLAIN_KEYS}
+    settings |= flattened({name: getattr(base, name) for name in ("both", "twin", "stated", "controller", "faults")})
+    settings |= point.settings
     _check_keys(plan, point)
     source, text = plan.rigs[str(settings["rig"])]
     rig = changed(Rig.from_text(text, source), _under(settings, "both"))
@@ -85,13 +87,6 @@ def _check_keys(plan: Plan, point: Point) -> None:
         prefix, _, rest = key.partition(".")
         if prefix == "methods" and rest.partition(".")[0] not in plan.tables.base.methods:
             raise InputError(f"{key} belongs to a method that base.methods does not name", code="unknown-key")
-
-
-def _base_settings(plan: Plan) -> dict[str, Any]:
-    base = plan.tables.base
-    nested = {name: getattr(base, name) for name in ("both", "twin", "stated", "controller", "faults")}
-    plain = {name: getattr(base, name) for name in PLAIN_KEYS}
-    return plain | flattened(nested)
 
 
 def _under(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:

@@ -7,15 +7,12 @@ import tomllib
 from importlib.resources import files
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from swingid.errors import InputError, SwingidError, UsageError
 from swingid.model.rig import Rig
-from swingid.model.rig.errors import describe
+from swingid.model.rig.toml_file import checked, tables_of, text_of
 from swingid.study.campaign.experiment import experiment_of
 from swingid.study.campaign.plan import Plan, Point, levels_of
 from swingid.study.campaign.tables import MOST_TRIALS, PlanTables
-from swingid.system import read_file
 
 READY = ("coverage", "efficiency", "friction-laws", "imperfections", "gains", "paper-variants", "trust", "clean")
 """Names of the ready plans; the file of each is plans/NAME.toml."""
@@ -46,32 +43,15 @@ def load_plan(path_or_name: str | Path) -> Plan:
         raise UsageError(
             f"no plan {name!r}: give a path ending in .toml or one of {', '.join(READY)}", code="unknown-plan"
         )
-    try:
-        text = read_file(path).decode("utf-8")
-    except FileNotFoundError:
-        raise InputError(
-            f"{path} does not exist; 'swingid campaign --list' names the ready plans", code="missing-file"
-        ) from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text (byte {error.start}); save it as UTF-8", code="not-utf8") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{str(path)!r} cannot be read: {reason}", code="unreadable-file") from None
+    missing = "'swingid campaign --list' names the ready plans"
+    text = text_of(path, missing=missing, folder="give the file of the plan in it")
     return plan_from_text(text, name, folder=path.parent)
 
 
 def plan_from_text(text: str, source: str = "plan.toml", *, folder: Path | None = None) -> Plan:
     """The plan of TOML text; rig files are looked for beside it, in `folder`. Errors as `load_plan`."""
-    try:
-        document = tomllib.loads(text.removeprefix("\ufeff"))
-    except (ValueError, RecursionError) as error:
-        problem = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
-        raise InputError(f"{source} is not TOML: {problem[:200]}", code="not-toml") from None
-    try:
-        tables = PlanTables.model_validate(document)
-    except ValidationError as error:
-        code, problem = describe(error, PlanTables, what="a plan")
-        raise InputError(f"{source}: {problem}", code=code) from None
+    document = tables_of(text, source)
+    tables = checked(document, PlanTables, source, "a plan")
     plain = json.loads(json.dumps(document, default=str))
     plan = Plan(tables, plain, _rigs(tables, source, folder or Path()), source)
     if plan.whole > MOST_TRIALS:

@@ -21,9 +21,9 @@ BASE = "base"
 """Label of a factor that is as the base has it, where one factor at a time is varied."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plan:
-    """A plan with the rig files that it names.
+    """A plan with the rig files that it names; equal to another where what decides the results is.
 
     tables: the checked file; document: the same as plain data; rigs: (source, text) by the name in the plan; source:
     the file, for messages; runs: at most so many trials, None for all.
@@ -34,6 +34,16 @@ class Plan:
     rigs: Mapping[str, tuple[str, str]]
     source: str
     runs: int | None = None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Plan) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    @cached_property
+    def _key(self) -> tuple[str, str]:
+        return self.source, repr(self.identity())
 
     @cached_property
     def points(self) -> list[Point]:
@@ -124,7 +134,9 @@ def points_of(plan: PlanTables) -> list[Point]:
     base: dict[str, float | str] = dict.fromkeys(factors, BASE)
     points = [Point(dict(base), {})]
     for name, levels in listed.items():
-        points += [Point(base | {name: _text(level.labels[name])}, level.settings) for level in levels]
+        for level in levels:
+            label = level.labels[name]
+            points.append(Point(base | {name: label if isinstance(label, str) else f"{label:g}"}, level.settings))
     return points
 
 
@@ -213,7 +225,3 @@ def _joined(levels: tuple[Point, ...] | list[Point]) -> Point:
         labels |= level.labels
         settings |= level.settings
     return Point(labels, settings)
-
-
-def _text(label: float | str) -> str:
-    return label if isinstance(label, str) else f"{label:g}"

@@ -68,13 +68,6 @@ def run_campaign(
     return store.folder / "results.parquet"
 
 
-def block_rows(plan: Plan, trials: Sequence[int]) -> list[Row]:
-    """The rows of some trials, in their order."""
-    if plan.batched:
-        return batch_rows(plan, trials)
-    return [row for trial in trials for row in run_trial(plan, trial)]
-
-
 def blocks_done(plan: Plan, blocks: Sequence[int], workers: int | None, scheduler: str | None) -> Generator[Done]:
     """Number and rows of each block as it is done, in any order.
 
@@ -94,7 +87,8 @@ def blocks_done(plan: Plan, blocks: Sequence[int], workers: int | None, schedule
 
 def _one(plan: Plan, block: int) -> Done:
     ensure_compiled(kernels_of(plan))
-    return block, block_rows(plan, plan.block(block))
+    trials = plan.block(block)
+    return block, batch_rows(plan, trials) if plan.batched else [row for k in trials for row in run_trial(plan, k)]
 
 
 def _by_processes(plan: Plan, blocks: Sequence[int], count: int) -> Iterator[Done]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.format import percent
-from swingid.numerics.arrays import Array, Bools, Ints
+from swingid.numerics.arrays import Array, Bools
 from swingid.study.campaign.plan import BASE, Plan
 from swingid.study.campaign.store import SCHEMA, Store
 from swingid.study.campaign.trust import fault_factors, trust_of, trust_tables
 from swingid.study.output import Study, counted, noted
-from swingid.study.trials import Expectation
+from swingid.study.trials import Columns, Expectation
 from swingid.table import Column, Table
 
 if TYPE_CHECKING:
@@ -33,34 +32,6 @@ MOST_LEVELS = 12
 BINS = 4
 
 LOOP = ("wanted", "tracking", "k_tilde", "settling", "chatter", "saturated")
-
-
-@dataclass(frozen=True)
-class Answers:
-    """The estimates of one quantity by one method in n runs: arrays (n,), NaN where it did not.
-
-    point: of the plan. truth, value: SI. half_width: of the 95 % interval (SI). bound: least standard deviation (SI).
-    codes: of refusals and failures, "" else; warnings: codes with blanks between.
-    """
-
-    point: Ints
-    truth: Array
-    value: Array
-    half_width: Array
-    bound: Array
-    codes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def errors(self) -> Array:
-        """Relative errors, NaN where the truth is 0."""
-        return self.relative(self.value) - 1
-
-    def relative(self, values: Array) -> Array:
-        """Values in units of the truth, NaN where that is 0."""
-        size = np.where(self.truth == 0.0, np.nan, self.truth)
-        result: Array = values / size
-        return result
 
 
 @dataclass(frozen=True)
@@ -86,28 +57,23 @@ class Statistics:
     warnings: dict[str, int] = field(default_factory=dict)
 
 
-def statistics_of(answers: Answers, method: str = "") -> Statistics:
-    """The figures of some answers."""
-    errors = answers.errors
-    refusals = dict(Counter(code for code in answers.codes if code))
-    warnings = dict(Counter(code for text in answers.warnings for code in text.split()))
-    seen = Expectation(method, errors, np.abs(answers.relative(answers.half_width)), refusals, warnings)
-    known = errors[np.isfinite(errors)]
-    squares = known**2
-    count = len(known)
-    rmse, spread = seen.rmse, _error_of_mean(squares)
+def statistics_of(columns: Columns, method: str = "") -> Statistics:
+    """The figures of some rows of one method and quantity."""
+    seen = Expectation.of(method, columns)
+    known = seen.errors[np.isfinite(seen.errors)]
+    rmse, spread = seen.rmse, _error_of_mean(known**2)
     return Statistics(
-        runs=len(errors),
+        runs=len(seen.errors),
         answered=seen.answered,
         bias=(seen.bias, _error_of_mean(known)),
-        rmse=(rmse, spread / (2 * rmse) if count > 1 and rmse > 0 else float("nan")),
+        rmse=(rmse, spread / (2 * rmse) if len(known) > 1 and rmse > 0 else float("nan")),
         p95=seen.p95,
         coverage=seen.coverage,
         half_width=seen.half_width,
-        width=_width(answers),
-        efficiency=_efficiency(answers),
-        refusals=refusals,
-        warnings=warnings,
+        width=_width(columns),
+        efficiency=_efficiency(columns),
+        refusals=seen.refusals,
+        warnings=seen.warnings,
     )
 
 
@@ -115,21 +81,23 @@ def _error_of_mean(values: Array) -> float:
     return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
 
 
-def _width(answers: Answers) -> float:
+def _width(columns: Columns) -> float:
     """Median half-width over the root mean square of the errors."""
-    widths = np.full(len(answers.value), np.nan)
-    for point in np.unique(answers.point):
-        of_point = (answers.point == point) & np.isfinite(answers.half_width)
+    half_widths = (columns["high"] - columns["low"]) / 2
+    widths = np.full(len(half_widths), np.nan)
+    for point in np.unique(columns["point"]):
+        of_point = (columns["point"] == point) & np.isfinite(half_widths)
         if of_point.any():
-            widths[of_point] = np.median(answers.half_width[of_point])
-    shares = ((answers.value - answers.truth) / widths)[widths > 0]
+            widths[of_point] = np.median(half_widths[of_point])
+    shares = ((columns["value"] - columns["truth"]) / widths)[widths > 0]
     size = float(np.mean(shares**2)) if len(shares) else 0.0
     return size**-0.5 if size > 0 else float("nan")
 
 
-def _efficiency(answers: Answers) -> tuple[float, float]:
+def _efficiency(columns: Columns) -> tuple[float, float]:
     """Least mean squared error over that of the errors, and its standard error."""
-    squares = ((answers.value - answers.truth) / answers.bound)[np.isfinite(answers.value)] ** 2
+    off = (columns["value"] - columns["truth"]) / columns["bound"]
+    squares = off[np.isfinite(columns["value"])] ** 2
     if not len(squares) or not np.isfinite(squares).all() or not np.mean(squares) > 0:
         return float("nan"), float("nan")
     mean = float(np.mean(squares))
@@ -170,7 +138,7 @@ class Summary(Study):
     by_level: tuple[Cell, ...]
     effects: tuple[Effect, ...]
     loop: Mapping[str, float]
-    columns: Mapping[str, NDArray[Any]]
+    columns: Columns
 
     def of(self, method: str, quantity: str = "inertia") -> Statistics:
         """Figures of one method over all runs."""
@@ -279,25 +247,10 @@ def levels_in(values: NDArray[Any]) -> dict[str, Bools]:
     return {f"{edges[k]:.3g} … {edges[k + 1]:.3g}": group == k for k in range(BINS)}
 
 
-def answers_in(columns: Mapping[str, NDArray[Any]], rows: Bools) -> Answers:
-    """The answers in some rows."""
-    c = {name: columns[name][rows] for name in ("point", "truth", "value", "low", "high", "bound", "code", "warnings")}
-    return Answers(
-        c["point"],
-        c["truth"],
-        c["value"],
-        (c["high"] - c["low"]) / 2,
-        c["bound"],
-        tuple(c["code"]),
-        tuple(c["warnings"]),
-    )
-
-
-def _cell_of(
-    columns: Mapping[str, NDArray[Any]], method: str, quantity: str, rows: Bools, factor: str = "", level: str = ""
-) -> Cell:
+def _cell_of(columns: Columns, method: str, quantity: str, rows: Bools, factor: str = "", level: str = "") -> Cell:
     of_cell = rows & (columns["method"] == method) & (columns["quantity"] == quantity)
-    return Cell(method, quantity, factor, level, statistics_of(answers_in(columns, of_cell), method))
+    picked = {name: values[of_cell] for name, values in columns.items()}
+    return Cell(method, quantity, factor, level, statistics_of(picked, method))
 
 
 def _effects(cells: Sequence[Cell], pairs: Sequence[tuple[str, str]]) -> Iterator[Effect]:
@@ -361,15 +314,10 @@ def share(value: tuple[float, float]) -> str:
     return f"{100 * value[0]:.{digits}f}{error} %"
 
 
-def used_headings(cells: Sequence[Cell]) -> tuple[str, ...]:
-    """The headings under which at least one cell has an entry."""
-    rows = [figures(cell.statistics) for cell in cells]
-    return tuple(h for k, h in enumerate(HEADINGS) if any(row[k] for row in rows))
-
-
 def statistics_table(cells: Sequence[Cell], factor: str = "", *, fine: bool = False) -> Table:
     """The figures of every method, at each level of `factor` where one is given; `fine` for pages."""
-    headings = used_headings(cells)
+    entries = [figures(cell.statistics) for cell in cells]
+    headings = [heading for k, heading in enumerate(HEADINGS) if any(row[k] for row in entries)]
     rows = [(cell_name(c), *figures(c.statistics, headings, fine=fine)) for c in cells]
     numbers = tuple(Column(heading, "number", True) for heading in headings)
     if not factor:

@@ -48,7 +48,7 @@ def run_trial(plan: Plan, trial: int) -> list[Row]:
     head = head_of(plan, trial)
     quantities = plan.tables.quantities
     try:
-        experiment = experiment_at(Known(plan), head.place["point"])
+        experiment = experiment_at(plan, head.place["point"])
         log = experiment.log(head.place["seed"])
     except Exception as error:
         # whatever it is, it concerns this trial alone: the others go on, and the row holds the reason
@@ -56,24 +56,10 @@ def run_trial(plan: Plan, trial: int) -> list[Row]:
     return rows_of(replace(head, bounds=bounds_of(plan, experiment, log)), experiment, log, quantities)
 
 
-class Known:
-    """A plan as a key of caches: equal where what decides its results is."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-        self.key = (plan.source, repr(plan.identity()))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Known) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-
 @lru_cache(maxsize=64)
-def experiment_at(known: Known, point: int) -> Experiment:
+def experiment_at(plan: Plan, point: int) -> Experiment:
     """The experiment of a point, made once per process."""
-    return experiment_of(known.plan, known.plan.points[point])
+    return experiment_of(plan, plan.points[point])
 
 
 def bounds_of(plan: Plan, experiment: Experiment, log: Recording) -> dict[str, float]:
@@ -100,8 +86,7 @@ def _rows_together(plan: Plan, point: int, trials: list[int]) -> list[Row]:
     """The rows of trials of one point; where one of them fails the others are done without it."""
     names = plan.tables.base.methods
     try:
-        experiment = experiment_at(Known(plan), point)
-        chosen = _choices(Known(plan), point)
+        experiment, chosen = experiment_at(plan, point), _choices(plan, point)
         seeds = [plan.seed(*plan.place(trial)) for trial in trials]
         runs = simulate_ensemble(
             experiment.twin,
@@ -123,8 +108,10 @@ def _rows_together(plan: Plan, point: int, trials: list[int]) -> list[Row]:
         return [head_of(plan, trials[0]).row(name, "inertia", error, FAILED) for name in names]
     estimated = [_estimates(method, runs, experiment, chosen) for _, method, _ in experiment.methods]
     rows = []
+    assert experiment.twin.axis.inertia is not None
     for k, trial in enumerate(trials):
-        truth = {"inertia": _inertia(experiment, seeds[k])}
+        drawn = draw_constants(experiment.twin, seeds[k]) if experiment.draw else {}
+        truth = {"inertia": drawn.get("axis.inertia", experiment.twin.axis.inertia.value)}
         bounds = bounds_of(plan, experiment, runs.recording(k)) if plan.tables.bound else {}
         head = replace(head_of(plan, trial), truth=truth, bounds=bounds)
         rows += [_row(head, name, estimates, k) for name, estimates in zip(names, estimated, strict=True)]
@@ -132,9 +119,9 @@ def _rows_together(plan: Plan, point: int, trials: list[int]) -> list[Row]:
 
 
 @lru_cache(maxsize=64)
-def _choices(known: Known, point: int) -> batch.Plan:
+def _choices(plan: Plan, point: int) -> batch.Plan:
     """What the batched estimators choose once for a point, from its first runs."""
-    plan, experiment = known.plan, experiment_at(known, point)
+    experiment = experiment_at(plan, point)
     logs = [experiment.log(plan.seed(point, repeat)) for repeat in range(FOR_CHOICES)]
     return plan_batch([experiment.read(log) for log in logs], experiment.stated)
 
@@ -149,13 +136,6 @@ def _estimates(method: str, runs: Ensemble, experiment: Experiment, chosen: batc
         return energy_batch(angle, wheel, runs.channel("command"), experiment.rate, stated, chosen, threads=1)
     except Exception as error:  # as in `run_trial`
         return error
-
-
-def _inertia(experiment: Experiment, seed: int) -> float:
-    """The twin's inertia, as drawn."""
-    assert experiment.twin.axis.inertia is not None
-    drawn = draw_constants(experiment.twin, seed) if experiment.draw else {}
-    return drawn.get("axis.inertia", experiment.twin.axis.inertia.value)
 
 
 def _row(head: Head, name: str, estimates: batch.Batch | Exception, k: int) -> Row:

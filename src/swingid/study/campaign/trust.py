@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.table import Table, plain
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Bools
     from swingid.study.campaign.plan import Plan
+    from swingid.study.trials import Columns
 
 WIDE = 1.5
 """Half-widths of the 95 % interval beyond which an answer is wrong: 0.3 % of right ones are, if errors are normal."""
@@ -36,7 +35,7 @@ class Trust:
     crashed: int
 
     @classmethod
-    def of(cls, columns: Mapping[str, NDArray[Any]], rows: Bools) -> Trust:
+    def of(cls, columns: Columns, rows: Bools) -> Trust:
         """The counts in some rows of the results; runs without a log do not count."""
         c = {name: columns[name][rows] for name in ("status", "code", "value", "truth", "low", "high")}
         ok = c["status"] == "ok"
@@ -57,7 +56,7 @@ class Trust:
         return f"{self.wrong} = {100 * self.wrong / self.ok:.0f} %" if self.wrong else "–"
 
 
-def trust_of(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[dict[str, Any]]:
+def trust_of(plan: Plan, columns: Columns) -> list[dict[str, Any]]:
     """Counts at each level of each factor with faults, for each method; plain data."""
     return [
         {"factor": factor, "level": str(level), "method": method, **asdict(Trust.of(columns, rows & of_method))}
@@ -67,7 +66,7 @@ def trust_of(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[dict[str, 
     ]
 
 
-def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[Table]:
+def trust_tables(plan: Plan, columns: Columns) -> list[Table]:
     """Make two tables for each factor with faults: by fault, worst first, and by the levels of the other factors."""
     tables = []
     methods = _levels(columns, "method")
@@ -80,8 +79,12 @@ def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[Table]
             (n for n, t in counts.items() if t.answers), key=lambda n: -counts[n].wrong / max(counts[n].ok, 1)
         )
         groups = {"nothing wrong": clean, "**any fault**": ~clean} | {name: of_fault[name] for name in ranked}
-        by_fault = tuple(_row(name, columns, rows, methods) for name, rows in groups.items())
-        tables.append(Table(plain(factor, *HEADINGS, *methods), by_fault))
+        by_fault = []
+        for name, rows in groups.items():
+            by_method = [Trust.of(columns, rows & method) for method in methods.values()]
+            cells = (f"{trust.wrong} of {trust.ok}" for trust in by_method)
+            by_fault.append((name, *Trust.of(columns, rows).cells(), *cells))
+        tables.append(Table(plain(factor, *HEADINGS, *methods), tuple(by_fault)))
         others = [other for other in (*plan.tables.factors, "method") if other != factor]
         levels = {f"{o} {v}": rows for o in others for v, rows in _levels(columns, o).items()}
         by_level = tuple((n, *Trust.of(columns, r & ~clean).cells()) for n, r in levels.items())
@@ -89,17 +92,12 @@ def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[Table]
     return tables
 
 
-def _row(name: str, columns: Mapping[str, NDArray[Any]], rows: Bools, methods: Mapping[str, Bools]) -> tuple[str, ...]:
-    by_method = [Trust.of(columns, rows & method) for method in methods.values()]
-    return (name, *Trust.of(columns, rows).cells(), *(f"{t.wrong} of {t.ok}" for t in by_method))
-
-
 def fault_factors(plan: Plan) -> list[str]:
     """Names of the factors that put faults into runs."""
     return [name for name, factor in plan.tables.factors.items() if (factor.key or "").startswith("faults.")]
 
 
-def _levels(columns: Mapping[str, NDArray[Any]], name: str) -> dict[str, Bools]:
+def _levels(columns: Columns, name: str) -> dict[str, Bools]:
     """Rows by the values of a column, in the order of the first of each."""
     return {
         f"{v:g}" if isinstance(v, float) else str(v): columns[name] == v for v in dict.fromkeys(columns[name].tolist())

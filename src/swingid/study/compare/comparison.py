@@ -241,19 +241,15 @@ def _timed(log: Recording, rig: Rig, method: str, momentum: Answers) -> tuple[Re
         except SwingidError as error:
             result = refusal(method, error)
         except Exception as error:  # a bug of one method, which concerns it alone
-            result = refusal(method, _bug(method, error))
+            kind = type(error).__name__
+            what = f"this is a bug of swingid, {kind} ({error})"
+            text = f"{what}; swingid identify --method {method} writes a file to report it with."
+            result = refusal(method, SwingidError(" ".join(text.split()), code=f"bug-{kind}"))
         seconds = min(seconds, time.perf_counter() - begin)
         if seconds > LONG and kept_kernels() == compiled:
             break
     assert result is not None
     return result, seconds
-
-
-def _bug(method: str, error: Exception) -> SwingidError:
-    kind = type(error).__name__
-    what = f"this is a bug of swingid, {kind} ({error})"
-    text = f"{what}; swingid identify --method {method} writes a file to report it with."
-    return SwingidError(" ".join(text.split()), code=f"bug-{kind}")
 
 
 def _truth(log: Recording) -> float | None:

@@ -146,15 +146,11 @@ def _proposal(motion: Sine | Multisine, task: Task, used: float) -> Proposal:
     duration = task.settling + used
     course = course_of(task.expected, motion, duration, task.rate)
     prediction = predict(course.recording(task.settling), task.given, task.expected)
-    delta0 = _kept_error(motion, task.expected)
-    return Proposal(motion.describe(), duration, task.settling, task.rate, delta0, course.peaks, prediction)
-
-
-def _kept_error(motion: Sine | Multisine, rig: Rig) -> float:
-    """delta0 of (18): a tenth of the amplitude, at most the paper's, and above what noise makes of the error."""
-    sensor = rig.sensors.of("angle")
+    # delta0 of (18): a tenth of the amplitude, at most the paper's, and above what noise makes of the error
     tenth = 0.1 * sum(part.amplitude for part in parts_of(motion))
-    return float(f"{min(max(tenth, 0.5 * (sensor.noise + sensor.resolution)), PAPER_DELTA0):.2g}")
+    sensor = task.expected.sensors.of("angle")
+    delta0 = float(f"{min(max(tenth, 0.5 * (sensor.noise + sensor.resolution)), PAPER_DELTA0):.2g}")
+    return Proposal(motion.describe(), duration, task.settling, task.rate, delta0, course.peaks, prediction)
 
 
 def _look(motions: list[Sine | Multisine], task: Task) -> list[tuple[Sine | Multisine, Proposal]]:

@@ -62,9 +62,8 @@ class Proposal:
 
     def to_dict(self) -> dict[str, object]:
         """Plain data."""
-        return {
-            name: getattr(self, name) for name in ("reference", "duration", "settling", "rate", "delta0", "peaks")
-        } | {
+        named = ("reference", "duration", "settling", "rate", "delta0", "peaks")
+        return {name: getattr(self, name) for name in named} | {
             "relative_uncertainty": self.relative,
             "parameters": self.prediction.parameters,
             "budget": self.prediction.budget,
@@ -122,12 +121,9 @@ class Design(Study):
         lines.append(f"    {p.duration:g} s at {p.rate:g} rows per second, of which the first {p.settling:g} s settle")
         for name, parameter in p.prediction.parameters.items():
             text = plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit)
-            span = (
-                ""
-                if parameter.interval95 is None
-                else f"  95 %: {interval(parameter.interval95, middle=parameter.value)}"
-            )
-            lines.append(f"    {name}: {text}{span}")
+            if parameter.interval95 is not None:
+                text += f"  95 %: {interval(parameter.interval95, middle=parameter.value)}"
+            lines.append(f"    {name}: {text}")
         shown, rest = folded(sorted_budget(p.prediction.budget, "inertia"), MOST)
         lines += [f"    {e.type}  {e.source}  {percent(e.standard_uncertainty / inertia.value)}" for e in shown]
         lines += [f"       {len(rest)} smaller ones"] if rest else []

@@ -93,20 +93,22 @@ def scaled(channel: str) -> Columns:
 def correlated_noise(log: Recording, scene: Scene, std: float) -> Recording:
     """Noise of the angle whose correlation decays with `MEMORY`."""
     keep = np.exp(-np.diff(log.time, prepend=log.time[0]) / MEMORY)
-    draws = scene.rng.normal(0, std, len(log))
-    noise = draws.copy()
-    for k in range(1, len(noise)):
-        noise[k] = keep[k] * noise[k - 1] + np.sqrt(1 - keep[k] ** 2) * draws[k]
+    noise = _first_order(scene.rng.normal(0, std, len(log)), keep, np.sqrt(1 - keep**2))
     return replace(log, angle=log.angle + noise)
 
 
 def low_pass(log: Recording, _scene: Scene, frequency: float) -> Recording:
     """The angle through a filter of first order with this cut-off frequency, in Hz."""
     keep = np.exp(-2 * np.pi * frequency * np.diff(log.time, prepend=log.time[0]))
-    passed = log.angle.copy()
+    return replace(log, angle=_first_order(log.angle, keep, 1 - keep))
+
+
+def _first_order(values: Array, keep: Array, gain: Array) -> Array:
+    """y_k = keep_k y_(k-1) + gain_k x_k, from the first value on."""
+    passed = values.copy()
     for k in range(1, len(passed)):
-        passed[k] = keep[k] * passed[k - 1] + (1 - keep[k]) * log.angle[k]
-    return replace(log, angle=passed)
+        passed[k] = keep[k] * passed[k - 1] + gain[k] * values[k]
+    return passed
 
 
 def clock(log: Recording, _scene: Scene, off: float) -> Recording:

@@ -7,6 +7,7 @@ the conventions by which the log is written, to the rig file that the methods ge
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -19,8 +20,8 @@ from swingid.study.changes import ABSENT, Times
 from swingid.study.faults import effects
 from swingid.study.faults.effects import Columns, Torque, torque_scale
 
-WHEEL, DIRECT, FREE = "reaction-wheel", "direct", "none"
-ALL = (WHEEL, DIRECT, FREE)
+WHEEL, DIRECT, FREE = ("reaction-wheel",), ("direct",), ("none",)
+"""Kinds of drives that a fault can be on."""
 
 Keys = Callable[[Rig, float], Mapping[str, Any]]
 """Changes at dotted keys of a rig, by the rig and the severity; values as in `study.changes`."""
@@ -42,33 +43,60 @@ class Fault:
     stated: Keys | None = None
     torque: Torque | None = None
     columns: Columns | None = None
-    drives: tuple[str, ...] = ALL
+    drives: tuple[str, ...] = WHEEL + DIRECT + FREE
 
 
-def _times(key: str) -> Keys:
-    return lambda _rig, factor: {key: Times(factor)}
+UNITS = {"": 1.0, "%": 1e-2, "ppm": 1e-6, "Hz": 1.0, "ms": 1e-3, "mrad": 1e-3, "rad": 1.0, "°": np.pi / 180}
+"""Units of grades, in SI."""
+
+
+def _graded(text: str) -> dict[str, float]:
+    """Severities (SI) by their texts with units, as "0.3 mrad, 5 mrad" or "x2, x4"."""
+    severities = {}
+    for grade in text.split(", "):
+        number, unit = re.fullmatch(r"x?(-?[\d.]+) ?(\D*)", grade).groups()  # type: ignore[union-attr]
+        severities[grade] = float(number) * UNITS[unit]
+    return severities
+
+
+def _fault(name: str, words: str, grades: str | Mapping[str, float], *effects: Any, **what: Any) -> Fault:
+    """A record; its grades as their texts or by name; effects: `twin`, `written` and `stated` in this order."""
+    return Fault(name, words, _graded(grades) if isinstance(grades, str) else grades, *effects, **what)
+
+
+def _off(key: str) -> Keys:
+    return lambda _rig, share: {key: Times(1 + share)}
+
+
+def _tilted(key: str) -> Keys:
+    return lambda _rig, angle: {key: Times(float(np.cos(angle)))}
 
 
 def _set(key: str, sign: float = 1.0) -> Keys:
     return lambda _rig, value: {key: sign * value}
 
 
-def _torque_gain(rig: Rig, factor: float) -> Mapping[str, Any]:
-    return {"log.torque_gain" if rig.drive.kind == DIRECT else "drive.motor.torque_per_volt": Times(factor)}
+def _share(key: str) -> Keys:
+    return lambda rig, share: {key: share * torque_scale(rig)}
+
+
+def _always(**log: Any) -> Keys:
+    return lambda _rig, _severity: {f"log.{key}": value for key, value in log.items()}
+
+
+def _torque_gain(rig: Rig, share: float) -> Mapping[str, Any]:
+    return {"log.torque_gain" if rig.drive.kind in DIRECT else "drive.motor.torque_per_volt": Times(1 + share)}
 
 
 def _with_rotor(rig: Rig, _severity: float) -> Mapping[str, Any]:
-    return {"drive.wheel.inertia": Times(rig.drive.a22 / (rig.drive.a22 - _rotor(rig)))}
-
-
-def _rotor(rig: Rig) -> float:
     assert rig.drive.motor is not None
-    return rig.drive.motor.gear_ratio.value**2 * rig.drive.motor.rotor_inertia.value
+    rotor = rig.drive.motor.gear_ratio.value**2 * rig.drive.motor.rotor_inertia.value
+    return {"drive.wheel.inertia": Times(rig.drive.a22 / (rig.drive.a22 - rotor))}
 
 
-def _in_counts(rig: Rig, counts: float) -> Mapping[str, Any]:
-    wheel = {"log.wheel_angle_unit": "counts"} if rig.drive.kind == WHEEL else {}
-    return {"sensors.counts_per_turn": int(counts), "log.angle_unit": "counts", **wheel}
+def _in_counts(rig: Rig, _severity: float) -> Mapping[str, Any]:
+    wheel = {"log.wheel_angle_unit": "counts"} if rig.drive.kind in WHEEL else {}
+    return {"sensors.counts_per_turn": 4096, "log.angle_unit": "counts", **wheel}
 
 
 MOTOR = ("torque_per_volt", "back_emf", "viscous", "coulomb", "efficiency", "dead_zone")
@@ -86,272 +114,203 @@ def _cogging(order: int) -> Keys:
     return keys
 
 
-def _share(key: str) -> Keys:
-    return lambda rig, share: {key: share * torque_scale(rig)}
-
-
-_LATE = {"0.3 ms": 3e-4, "1 ms": 1e-3, "5 ms": 5e-3}
-_OFF = {"0.3 %": 1.003, "1 %": 1.01, "-3 %": 0.97}
-_TILT = {f"{degrees}°": float(np.cos(np.deg2rad(degrees))) for degrees in (1, 2, 5)}
-_PARTS = {"0.3 %": 3e-3, "1 %": 1e-2, "5 %": 5e-2}
+_ALWAYS = {"": 1.0}
+_LATE = "0.3 ms, 1 ms, 5 ms"
+_OFF = "0.3 %, 1 %, -3 %"
+_TILT = "1°, 2°, 5°"
+_PARTS = "0.3 %, 1 %, 5 %"
+_SMALL = "0.1 %, 0.3 %, 1 %"
+_TURNS = "0.02°, 0.1°, 0.5°"
 
 _RECORDS = (
-    Fault("none", "nothing wrong", {"": 0.0}),
+    _fault("none", "nothing wrong", {"": 0.0}),
     # The rig file.
-    Fault("gravity torque", "gravity torque stated wrong", _OFF, stated=_times("axis.gravity_torque")),
-    Fault(
+    _fault("gravity torque", "gravity torque stated wrong", _OFF, stated=_off("axis.gravity_torque")),
+    _fault(
         "wheel's mass",
         "gravity torque without the wheel's mass",
-        {"-20 %": 0.8},
-        stated=_times("axis.gravity_torque"),
-        drives=(WHEEL,),
+        "-20 %",
+        stated=_off("axis.gravity_torque"),
+        drives=WHEEL,
     ),
-    Fault(
+    _fault(
         "wheel inertia",
         "wheel inertia stated wrong",
-        {"1 %": 1.01, "3 %": 1.03, "-10 %": 0.9},
-        stated=_times("drive.wheel.inertia"),
-        drives=(WHEEL,),
+        "1 %, 3 %, -10 %",
+        stated=_off("drive.wheel.inertia"),
+        drives=WHEEL,
     ),
-    Fault(
+    _fault(
         "rotor twice",
         "wheel inertia that includes the rotor's, stated beside it",
-        {"": 1.0},
+        _ALWAYS,
         stated=_with_rotor,
-        drives=(WHEEL,),
+        drives=WHEEL,
     ),
-    Fault(
+    _fault(
         "rotor forgotten",
         "rotor inertia not stated",
-        {"": 1.0},
+        _ALWAYS,
         stated=lambda _r, _s: {"drive.motor.rotor_inertia": ABSENT},
-        drives=(WHEEL,),
+        drives=WHEEL,
     ),
-    Fault(
+    _fault(
         "torque gain",
         "torque per volt, or gain of the logged torque, stated wrong",
-        {"2 %": 1.02, "-5 %": 0.95, "20 %": 1.2},
+        "2 %, -5 %, 20 %",
         stated=_torque_gain,
-        drives=(WHEEL, DIRECT),
+        drives=WHEEL + DIRECT,
     ),
-    Fault(
+    _fault(
         "counts",
         "counts per turn stated as 4000, and 4096 in truth",
-        {"": 4000.0},
+        _ALWAYS,
         lambda _r, _s: {"sensors.counts_per_turn": 4096},
-        lambda r, _s: _in_counts(r, 4096),
-        lambda _r, counts: {"sensors.counts_per_turn": int(counts)},
+        _in_counts,
+        lambda _r, _s: {"sensors.counts_per_turn": 4000},
     ),
-    Fault(
+    _fault(
         "angle scale",
         "edges of the angle's encoder counted wrong, or a gear forgotten",
-        {"x2": 2.0, "x4": 4.0, "x0.5": 0.5},
+        "x2, x4, x0.5",
         columns=effects.scaled("angle"),
     ),
-    Fault(
+    _fault(
         "wheel scale",
         "edges of the wheel's encoder counted wrong, or encoder on the rotor",
-        {"x2": 2.0, "x4": 4.0, "x4.4": 4.4},
+        "x2, x4, x4.4",
         columns=effects.scaled("wheel_angle"),
-        drives=(WHEEL,),
+        drives=WHEEL,
     ),
-    Fault(
-        "degrees stated",
-        "degrees stated for a log in radians",
-        {"": 1.0},
-        stated=lambda _r, _s: {"log.angle_unit": "deg"},
-    ),
-    Fault(
+    _fault("degrees stated", "degrees stated for a log in radians", _ALWAYS, stated=_always(angle_unit="deg")),
+    _fault(
         "radians stated",
         "radians stated for a log in degrees",
-        {"": 1.0},
+        _ALWAYS,
         None,
-        lambda _r, _s: {"log.angle_unit": "deg"},
-        lambda _r, _s: {"log.angle_unit": "rad"},
+        _always(angle_unit="deg"),
+        _always(angle_unit="rad"),
     ),
-    Fault(
+    _fault(
         "absolute wheel",
         "wheel angle against the room, stated as relative",
         {"motor known": 0.0, "motor unknown": 1.0},
         None,
         _absolute,
-        lambda _r, _s: {"log.wheel_angle_is": ABSENT},
-        drives=(WHEEL,),
+        _always(wheel_angle_is=ABSENT),
+        drives=WHEEL,
     ),
     # Sensors, clock, rows.
-    Fault(
-        "noise",
-        "white noise of both encoders",
-        {"0.3 mrad": 3e-4, "1 mrad": 1e-3, "5 mrad": 5e-3},
-        _set("sensors.noise"),
-    ),
-    Fault(
+    _fault("noise", "white noise of both encoders", "0.3 mrad, 1 mrad, 5 mrad", _set("sensors.noise")),
+    _fault(
         "correlated noise",
         "noise of the angle with a memory of 20 ms",
-        {"0.2 mrad": 2e-4, "1 mrad": 1e-3, "5 mrad": 5e-3},
+        "0.2 mrad, 1 mrad, 5 mrad",
         columns=effects.correlated_noise,
     ),
-    Fault(
-        "low-pass",
-        "angle through a filter of first order",
-        {"200 Hz": 200.0, "50 Hz": 50.0, "20 Hz": 20.0},
-        columns=effects.low_pass,
+    _fault("low-pass", "angle through a filter of first order", "200 Hz, 50 Hz, 20 Hz", columns=effects.low_pass),
+    _fault("latency", "both encoders late", _LATE, _set("sensors.latency", sign=-1.0)),
+    _fault("wheel late", "wheel's encoder late", _LATE, _set("sensors.wheel.latency", sign=-1.0), drives=WHEEL),
+    _fault("jitter", "rows read early or late by chance", "0.1 ms, 1 ms", _set("sensors.jitter")),
+    _fault("clock", "clock fast", "50 ppm, 200 ppm, 1000 ppm", columns=effects.clock),
+    _fault(
+        "clock drifts", "clock whose rate changes over the run", "200 ppm, 0.1 %, 1 %", columns=effects.wandering_clock
     ),
-    Fault("latency", "both encoders late", _LATE, _set("sensors.latency", sign=-1.0)),
-    Fault("wheel late", "wheel's encoder late", _LATE, _set("sensors.wheel.latency", sign=-1.0), drives=(WHEEL,)),
-    Fault("jitter", "rows read early or late by chance", {"0.1 ms": 1e-4, "1 ms": 1e-3}, _set("sensors.jitter")),
-    Fault("clock", "clock fast", {"50 ppm": 5e-5, "200 ppm": 2e-4, "1000 ppm": 1e-3}, columns=effects.clock),
-    Fault(
-        "clock drifts",
-        "clock whose rate changes over the run",
-        {"200 ppm": 2e-4, "0.1 %": 1e-3, "1 %": 1e-2},
-        columns=effects.wandering_clock,
+    _fault("encoders nonlinear", "encoders mounted off centre", _TURNS, _set("sensors.nonlinearity")),
+    _fault("lost rows", "rows lost, time made from the row number", "0.1 %, 0.5 %, 3 %", columns=effects.lost_rows),
+    _fault("spikes", "single wrong readings", "2, 20, 200", columns=effects.spikes),
+    _fault(
+        "lost counts", "angle that jumps once and stays off", "1 mrad, 10 mrad, 0.1 rad", columns=effects.lost_counts
     ),
-    Fault(
-        "encoders nonlinear",
-        "encoders mounted off centre",
-        {"0.02°": np.deg2rad(0.02), "0.1°": np.deg2rad(0.1), "0.5°": np.deg2rad(0.5)},
-        _set("sensors.nonlinearity"),
-    ),
-    Fault(
-        "lost rows",
-        "rows lost, time made from the row number",
-        {"0.1 %": 1e-3, "0.5 %": 5e-3, "3 %": 3e-2},
-        columns=effects.lost_rows,
-    ),
-    Fault("spikes", "single wrong readings", {"2": 2.0, "20": 20.0, "200": 200.0}, columns=effects.spikes),
-    Fault(
-        "lost counts",
-        "angle that jumps once and stays off",
-        {"1 mrad": 1e-3, "10 mrad": 1e-2, "0.1 rad": 0.1},
-        columns=effects.lost_counts,
-    ),
-    Fault(
+    _fault(
         "zero drift",
         "zero of the angle that drifts over the run",
-        {"0.1 mrad": 1e-4, "1 mrad": 1e-3, "5 mrad": 5e-3},
+        "0.1 mrad, 1 mrad, 5 mrad",
         columns=effects.zero_drift,
     ),
-    Fault(
-        "polled",
-        "angles read slowly and repeated in rows of the log",
-        {"500 Hz": 500.0, "200 Hz": 200.0, "50 Hz": 50.0},
-        columns=effects.polled,
+    _fault(
+        "polled", "angles read slowly and repeated in rows of the log", "500 Hz, 200 Hz, 50 Hz", columns=effects.polled
     ),
-    Fault(
+    _fault(
         "slow rows",
         "rows of a slow log, drive said to be held between them",
-        {"200 Hz": 200.0, "100 Hz": 100.0, "50 Hz": 50.0},
+        "200 Hz, 100 Hz, 50 Hz",
         columns=effects.slow_rows,
     ),
     # Mechanics.
-    Fault(
-        "wheel tilted",
-        "wheel's axis not parallel to the swing's",
-        _TILT,
-        _times("drive.wheel.inertia"),
-        drives=(WHEEL,),
+    _fault(
+        "wheel tilted", "wheel's axis not parallel to the swing's", _TILT, _tilted("drive.wheel.inertia"), drives=WHEEL
     ),
-    Fault("axis tilted", "swing's axis not horizontal", _TILT, _times("axis.gravity_torque")),
-    Fault(
+    _fault("axis tilted", "swing's axis not horizontal", _TILT, _tilted("axis.gravity_torque")),
+    _fault(
         "spring",
         "cable that acts as a linear spring, share of the gravity torque per rad",
         _PARTS,
         _share("axis.stiffness"),
     ),
-    Fault(
+    _fault(
         "cubic spring",
         "cable that gets stiffer, share of the gravity torque at 1 rad",
         _PARTS,
         torque=effects.cubic_spring,
     ),
-    Fault(
+    _fault(
         "cable hysteresis",
         "cable between body and base whose torque lags the angle, share of the gravity torque where it slips",
         _PARTS,
         torque=effects.hysteresis,
     ),
-    Fault("cogging", "cogging of seven periods per turn, share of the gravity torque", _PARTS, _cogging(7)),
-    Fault("detent 2q", "torque with sin 2q", _PARTS, _cogging(2)),
-    Fault("detent 3q", "torque with sin 3q", _PARTS, _cogging(3)),
-    Fault(
+    _fault("cogging", "cogging of seven periods per turn, share of the gravity torque", _PARTS, _cogging(7)),
+    _fault("detent 2q", "torque with sin 2q", _PARTS, _cogging(2)),
+    _fault("detent 3q", "torque with sin 3q", _PARTS, _cogging(3)),
+    _fault(
         "stop",
         "something soft that is touched at one end of the motion",
         {"soft": 0.1, "medium": 0.3, "hard": 1.0},
         torque=effects.stop,
     ),
-    Fault(
-        "soft base",
-        "bearing that moves sideways",
-        {"40 Hz": 40.0, "20 Hz": 20.0, "8 Hz": 8.0},
-        torque=effects.soft_base,
-    ),
-    Fault(
+    _fault("soft base", "bearing that moves sideways", "40 Hz, 20 Hz, 8 Hz", torque=effects.soft_base),
+    _fault(
         "rolling base",
         "base that rolls freely, square of the first moment over the mass as a share of the inertia",
-        {"0.1 %": 1e-3, "0.3 %": 3e-3, "1 %": 1e-2},
+        _SMALL,
         torque=effects.rolling_base,
     ),
-    Fault(
-        "soft shaft",
-        "encoder on a shaft that twists",
-        {"200 Hz": 200.0, "60 Hz": 60.0, "20 Hz": 20.0},
-        columns=effects.soft_shaft,
-    ),
-    Fault(
-        "backlash",
-        "encoder driven with play",
-        {"0.02°": np.deg2rad(0.02), "0.1°": np.deg2rad(0.1), "0.5°": np.deg2rad(0.5)},
-        columns=effects.backlash,
-    ),
-    Fault(
+    _fault("soft shaft", "encoder on a shaft that twists", "200 Hz, 60 Hz, 20 Hz", columns=effects.soft_shaft),
+    _fault("backlash", "encoder driven with play", _TURNS, columns=effects.backlash),
+    _fault(
         "motor backlash",
         "encoder on the motor, before a gear with play",
-        {"0.02°": np.deg2rad(0.02), "0.1°": np.deg2rad(0.1), "0.5°": np.deg2rad(0.5)},
+        _TURNS,
         columns=effects.motor_backlash,
-        drives=(DIRECT,),
+        drives=DIRECT,
     ),
-    Fault(
+    _fault(
         "slipping wheel",
         "wheel that slips on the shaft of its encoder in one direction",
-        {"0.1 %": 1e-3, "0.3 %": 3e-3, "1 %": 1e-2},
+        _SMALL,
         columns=effects.slipping_wheel,
-        drives=(WHEEL,),
+        drives=WHEEL,
     ),
-    Fault(
-        "warming",
-        "viscous friction that falls over the run",
-        {"10 %": 0.1, "30 %": 0.3, "70 %": 0.7},
-        torque=effects.warming,
-    ),
-    Fault(
-        "running in",
-        "Coulomb friction that falls over the run",
-        {"2 %": 0.02, "5 %": 0.05, "20 %": 0.2},
-        torque=effects.running_in,
-    ),
-    Fault(
+    _fault("warming", "viscous friction that falls over the run", "10 %, 30 %, 70 %", torque=effects.warming),
+    _fault("running in", "Coulomb friction that falls over the run", "2 %, 5 %, 20 %", torque=effects.running_in),
+    _fault(
         "load friction",
         "Coulomb friction in proportion to the load, share of the gravity torque",
         _PARTS,
         _share("axis.friction.load"),
     ),
     # Hands.
-    Fault(
-        "push",
-        "one push of 0.3 s, share of the gravity torque",
-        {"5 %": 0.05, "30 %": 0.3, "300 %": 3.0},
-        torque=effects.push(0.3),
-    ),
-    Fault(
+    _fault("push", "one push of 0.3 s, share of the gravity torque", "5 %, 30 %, 300 %", torque=effects.push(0.3)),
+    _fault(
         "lean", "a hand that rests against it for 4 s, share of the gravity torque", _PARTS, torque=effects.push(4.0)
     ),
-    Fault(
+    _fault(
         "pumped",
         "free swing kept going by hand for 70 % of the run",
-        {"0.5 %": 5e-3, "2 %": 2e-2, "5 %": 5e-2},
+        "0.5 %, 2 %, 5 %",
         torque=effects.pumped,
-        drives=(FREE,),
+        drives=FREE,
     ),
 )
 

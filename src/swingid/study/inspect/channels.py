@@ -116,7 +116,8 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
     elif column.step:
         text += f"; steps of {number(step, unit, 3)}"
     if values is not None and log is not None and channel.role != "reference":
-        noise = white_noise(log, values)
+        even = bool(np.ptp(np.diff(log.time)) <= EVEN * (log.time[1] - log.time[0]))
+        noise = sample_noise(values) if even else uneven_noise(log.time, np.ascontiguousarray(values))
         values_of["noise"] = noise
         if channel.role in ("angle", "wheel_angle"):
             text += f"; noise {noise_of(noise, float(np.ptp(values)), unit)} per sample"
@@ -138,13 +139,6 @@ def _steps(channel: Channel, values: dict[str, object]) -> str:
         exact = f", {round(bits)} bit" if abs(bits - round(bits)) < 1e-3 else ""
         return f"steps of {number(step, 'rad', 3)}, {counts:.6g} per turn{exact}"
     return f"steps of {number(step, channel.unit, 3)}"
-
-
-def white_noise(log: Recording, values: np.ndarray) -> float:
-    """Standard deviation of one sample's noise (SI), with even or uneven stamps."""
-    steps = np.diff(log.time)
-    even = bool(np.ptp(steps) <= EVEN * steps[0])
-    return sample_noise(values) if even else uneven_noise(log.time, np.ascontiguousarray(values))
 
 
 def _saturation(channel: Channel) -> Iterator[Check]:

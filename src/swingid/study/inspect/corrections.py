@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,7 @@ from swingid.recording.inspect.columns import steps_seen, unit_of_steps
 from swingid.recording.inspect.roles import FASTEST, SLOWEST
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.motion import Swings, read_motion
-from swingid.study.inspect.physics import Balance, balance_of, check_physics
+from swingid.study.inspect.physics import balance_of, check_physics
 
 SAME_STEP = 5e-3
 """How well (share) steps agree with those of an encoder in the right unit."""
@@ -131,44 +132,29 @@ def physics(
 
     Returns the checks, the rig as changed, the log as that reads it, and the changes.
     """
-    failed: SwingidError | None = None
-    balance: Balance | None = None
     try:
         balance = balance_of(log, rig, swings, channel_noise(log, rig))
     except SwingidError as error:
-        failed = error
-    if failed is not None and failed.code != "wrong-sign":
-        return [_unread(failed, source)], rig, log, {}
-    checks = check_physics(balance, rig) if balance is not None else []
+        turned = _attempts(table, rig, _other_signs(rig), source) if error.code == "wrong-sign" else []
+        if not turned:
+            title = "signs" if error.code == "wrong-sign" else "balance"
+            return [Check(error.code, title, "fault", without_path(error, source), "")], rig, log, {}
+        return _set_right(turned, "signs", without_path(error, source))
+    checks = check_physics(balance, rig)
     off = any(check.code == GRAVITY for check in checks)  # a wheel in another unit is a scale that is off
-    if balance is not None and balance.left < CLOSES and not off:
-        return checks, rig, log, {}
-    best: _Attempt | None = None
     wheel = rig.drive.wheel is not None and rig.log.wheel_speed is None
-    units = _other_units(rig, "wheel_angle") if wheel else []
-    for changes in _other_signs(rig) if failed is not None else units:
-        attempt = _attempt(table, rig, changes, source)
-        if attempt is None or (off and any(check.code == GRAVITY for check in attempt.checks)):
-            continue
-        if balance is not None and attempt.left > (max(balance.left, CLOSES) if off else balance.left / 4):
-            continue
-        if best is None or attempt.repairs < best.repairs:
-            best = attempt
-    if best is None and balance is not None:
+    if not wheel or (balance.left < CLOSES and not off):
         return checks, rig, log, {}
-    if best is None:
-        assert failed is not None
-        return [_unread(failed, source)], rig, log, {}
-    text, code = "", "signs"
-    if failed is not None:
-        text = without_path(failed, source)
-    elif balance is not None:
-        unit = UNIT_WORDS[str(best.changes["log.wheel_angle_unit"])]
-        text, code = f"the wheel angle looks like {unit}: with {words(best.changes)}", "units"
-        text += f" the balance leaves {percent(best.left)}, and {percent(balance.left)} as [log] reads it"
-        text += ", with a gravity torque that contradicts the rig file." if off else "."
-    wrong = Check(code, code, "repair", text, f"set {words(best.changes)} under [log]", {"changes": best.changes})
-    return [wrong, *(check for check in best.checks if check.code != code)], best.rig, best.log, best.changes
+    most = max(balance.left, CLOSES) if off else balance.left / 4
+    better = [
+        attempt
+        for attempt in _attempts(table, rig, _other_units(rig, "wheel_angle"), source)
+        if attempt.left <= most and not (off and any(check.code == GRAVITY for check in attempt.checks))
+    ]
+    if not better:
+        return checks, rig, log, {}
+    text = f" as [log] reads it{', with a gravity torque that contradicts the rig file' if off else ''}."
+    return _set_right(better, "units", f"{percent(balance.left)}{text}")
 
 
 @dataclass(frozen=True)
@@ -181,24 +167,31 @@ class _Attempt:
     checks: list[Check]
     left: float
 
-    @property
-    def repairs(self) -> int:
-        return sum(check.level == "repair" for check in self.checks)
+
+def _attempts(table: Table, rig: Rig, several: list[dict[str, object]], source: Source) -> list[_Attempt]:
+    """The checks under changed conventions, but for those that the balance refuses too."""
+    attempts = []
+    for changes in several:
+        with suppress(SwingidError):
+            other = rig.changed(changes)
+            log = Recording.from_table(table, other, source)
+            noise = channel_noise(log, other)
+            swings, _ = read_motion(log, noise, other.drive.channel, linear=other.axis.kind == "linear")
+            if swings is not None:
+                balance = balance_of(log, other, swings, noise)
+                attempts.append(_Attempt(changes, other, log, check_physics(balance, other), balance.left))
+    return attempts
 
 
-def _attempt(table: Table, rig: Rig, changes: dict[str, object], source: Source) -> _Attempt | None:
-    """The checks under changed conventions; None where the balance refuses these too."""
-    try:
-        other = rig.changed(changes)
-        log = Recording.from_table(table, other, source)
-        noise = channel_noise(log, other)
-        swings, _ = read_motion(log, noise, other.drive.channel, linear=other.axis.kind == "linear")
-        if swings is None:
-            return None
-        balance = balance_of(log, other, swings, noise)
-        return _Attempt(changes, other, log, check_physics(balance, other), balance.left)
-    except SwingidError:
-        return None
+def _set_right(attempts: list[_Attempt], code: str, text: str) -> tuple[list[Check], Rig, Recording, dict[str, object]]:
+    """What `physics` returns, by the attempt with the fewest repairs."""
+    best = min(attempts, key=lambda attempt: sum(check.level == "repair" for check in attempt.checks))
+    if code == "units":
+        unit = UNIT_WORDS[str(best.changes["log.wheel_angle_unit"])]
+        head = f"the wheel angle looks like {unit}: with {words(best.changes)} the balance leaves {percent(best.left)}"
+        text = f"{head}, and {text}"
+    wrong = Check(code, code, "repair", text, f"set {words(best.changes)} under [log]", {"changes": best.changes})
+    return [wrong, *(check for check in best.checks if check.code != code)], best.rig, best.log, best.changes
 
 
 def _other_signs(rig: Rig) -> list[dict[str, object]]:
@@ -216,11 +209,6 @@ def _other_signs(rig: Rig) -> list[dict[str, object]]:
         return turned
     other: dict[str, object] = {"log.angle_zero": "down" if rig.log.angle_zero == "up" else "up"}
     return [*turned, other, *({**changes, **other} for changes in turned)]
-
-
-def _unread(error: SwingidError, source: Source) -> Check:
-    title = "signs" if error.code == "wrong-sign" else "balance"
-    return Check(error.code, title, "fault", without_path(error, source), "")
 
 
 def words(changes: Mapping[str, object]) -> str:

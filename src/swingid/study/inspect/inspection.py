@@ -157,19 +157,13 @@ def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
     if rig is not None:
         require_rig(rig)
     if is_large(path):
-        return _of_first_rows(path, rig)
+        inspection = inspect_table(first_rows(path), rig, Source(str(path), sha256_of(path)), whole=False)
+        text = f"the log has {opened(path).rows} rows, of which the first {inspection.rows} were looked at."
+        return replace(inspection, checks=(Check("first-rows", "rows", "note", text), *inspection.checks))
     content = read_bytes(path)
     skipped = (0, None) if rig is None else (rig.log.skip_rows, rig.log.comment)
     table = read_table(without_lines(content, *skipped, str(path)), str(path))
     return inspect_table(table, rig, Source(str(path), hashlib.sha256(content).hexdigest()))
-
-
-def _of_first_rows(path: str | Path, rig: Rig | None) -> Inspection:
-    """Inspect the first rows of a large log."""
-    table = first_rows(path)
-    inspection = inspect_table(table, rig, Source(str(path), sha256_of(path)), whole=False)
-    text = f"the log has {opened(path).rows} rows, of which the first {inspection.rows} were looked at."
-    return replace(inspection, checks=(Check("first-rows", "rows", "note", text), *inspection.checks))
 
 
 def inspect_table(

@@ -14,7 +14,6 @@ import numpy as np
 from swingid.control.backstepping import Backstepping
 from swingid.control.references import Sine
 from swingid.errors import UnanswerableError
-from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools
 from swingid.pooling.difference import difference
 from swingid.preparation.scale import equation_of
@@ -45,10 +44,9 @@ WORKS = {"held": "work of the held voltage", "trapezoid": "work by the trapezoid
 
 @dataclass(frozen=True)
 class Experiment:
-    """One twin's runs by case, the logs that were identified, and the answers as plain data."""
+    """One twin's runs by case, and the answers as plain data."""
 
     runs: dict[str, Run]
-    logs: dict[str, Log]
     answers: dict[str, object]
 
 
@@ -62,13 +60,17 @@ def experiment(friction: str, seed: int, progress: Callable[[str], None]) -> Exp
     for estimator in runs.WAYS:
         progress(f"experiment, {friction} friction: {runs.WAYS[estimator].words}")
         rows.append(_row(estimator, logs, whole))
+    soon = {}
+    for case in ("plain", "body"):
+        ends, errors = runs.interval_errors(runs.read_back(made[case], twins[case]))
+        soon[case] = {f"within {bound:g} %": settled_within(ends, errors, bound) for bound in (5.0, 1.4)}
     answers: dict[str, object] = {
         "friction": friction,
         "rows": rows,
         "controller": {case: controller(made[case]) for case in CASES},
-        "first_interval": {case: _first_interval(made[case], twins[case]) for case in ("plain", "body")},
+        "first_interval": soon,
     }
-    return Experiment(made, logs, answers)
+    return Experiment(made, answers)
 
 
 def _row(estimator: str, logs: dict[str, Log], whole: Log) -> Answer:
@@ -127,8 +129,8 @@ def controller(run: Run, part: Bools | None = None) -> dict[str, float]:
     assert reference is not None
     assert voltage is not None
     grown = np.nonzero(np.diff(gain) > 0)[0]
-    if part is None:
-        part = (log.time >= runs.SPANS["plain"][0]) & (log.time <= runs.SPANS["plain"][1])
+    first, last = runs.SPANS["plain"]
+    part = (log.time >= first) & (log.time <= last) if part is None else part
     e = (reference - log.angle)[part]
     return {
         "k_tilde": float(gain[-1]),
@@ -138,12 +140,6 @@ def controller(run: Run, part: Bools | None = None) -> dict[str, float]:
         "voltage_rms": float(np.sqrt(np.mean(voltage[part] ** 2))),
         "voltage_peak": float(np.abs(voltage[part]).max()),
     }
-
-
-def _first_interval(run: Run, twin: Rig) -> Answer:
-    """When (6), interval by interval from the start, comes within 5 % for good, and within 1.4 %."""
-    ends, errors = runs.interval_errors(runs.read_back(run, twin))
-    return {f"within {bound:g} %": settled_within(ends, errors, bound) for bound in (5.0, 1.4)}
 
 
 def settled_within(times: np.ndarray, errors: np.ndarray, bound: float) -> float | None:
@@ -184,14 +180,17 @@ def simulation(progress: Callable[[str], None]) -> Simulation:
     log = runs.read_back(run, runs.ideal_rig())
     rows = [_at_the_times(log, work, letter) for letter in (True, False) for work in WORKS]
     for estimator in ("printed", "better", "momentum", "nls-viscous"):
-        progress(f"ideal simulation of Fig. 7: {runs.WAYS[estimator].words}")
-        rows.append(
-            _simulation_row(runs.WAYS[estimator].words + ", all intervals" * (estimator == "printed"), estimator, log)
-        )
+        words = runs.WAYS[estimator].words
+        progress(f"ideal simulation of Fig. 7: {words}")
+        rows.append(_simulation_row(words + ", all intervals" * (estimator == "printed"), estimator, log))
     progress("backstepping of Fig. 8, 10 kHz")
     curves = tuple(curve_of(law, frequency) for frequency in FREQUENCIES for law in ("printed", "consistent"))
     settled = controller(run, run.recording.time > run.recording.time[-1] / 2)
-    answers: dict[str, object] = {"rows": rows, "single": _single(log)}
+    # errors (per cent) of J1^ by (6) from one interval each, where k tilde no longer grows
+    _, errors = runs.interval_errors(log)
+    late = errors[len(errors) // 2 :]
+    single = {"intervals": len(late), "rms": float(np.sqrt(np.mean(late**2))), "worst": float(max(abs(late)))}
+    answers: dict[str, object] = {"rows": rows, "single": single}
     answers |= {name: settled[name] for name in ("k_tilde", "settled", "error_rms")}
     answers["backstepping"] = [_convergence(curve, log) for curve in curves]
     return Simulation(run.recording, curves, log.truth, answers)
@@ -211,13 +210,6 @@ def _at_the_times(log: Log, work: str, letter: bool) -> Answer:
     if not letter:
         return _simulation_row(words, "printed", log, nodes=published.TIMES, work=work)
     return {"words": words} | runs.answer_of(*runs.by_letter(log, published.TIMES, work), log)
-
-
-def _single(log: Log) -> Answer:
-    """Errors (per cent) of J1^ by (6) from one interval each, where k tilde no longer grows."""
-    _, errors = runs.interval_errors(log)
-    settled = errors[len(errors) // 2 :]
-    return {"intervals": len(settled), "rms": float(np.sqrt(np.mean(settled**2))), "worst": float(max(abs(settled)))}
 
 
 @cache

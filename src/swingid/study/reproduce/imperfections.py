@@ -8,31 +8,15 @@ viscous and Coulomb friction in its model.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from swingid.study.changes import Times, changed
 from swingid.study.experiment import without_truth
-from swingid.study.reproduce import runs
-from swingid.study.reproduce.published import J_E
+from swingid.study.reproduce import published, runs
 from swingid.study.reproduce.runs import Answer, Log
-
-MOTOR = {
-    "torque_per_volt": "c1",
-    "efficiency": "η",
-    "back_emf": "c2",
-    "viscous": "f2",
-    "coulomb": "f3",
-    "dead_zone": "d1, d2",
-    "rotor_inertia": "Jr",
-}
-"""Motor constants by their key, with the paper's letter."""
-
-DRAWS = 8
-"""Seeds, where the phase of the encoders' nonlinearity or the place of their grids matters; their root mean square."""
 
 COMPARED, PAPER_ONLY = ("printed", "nls", "momentum"), ("printed",)
 
@@ -43,8 +27,9 @@ class Imperfection:
 
     stated: constants of the rig file times a factor, as the lab states them; friction, sensors: what the twin has
     and the lab does not know; options: of the paper's method; mirror: whether nodes stand about the reference's turning
-    points; letter: whether (6) is taken letter by letter there (`by_letter`); draws: how often it is drawn. size: how
-    large it is, with its unit, where half of it does half as much.
+    points; letter: whether (6) is taken letter by letter there (`by_letter`); draws: seeds, where the phase of the
+    nonlinearity or the place of the grids of encoders matters. size: how large it is, with its unit, where half of it
+    does half as much.
     """
 
     words: str
@@ -56,61 +41,18 @@ class Imperfection:
     mirror: bool = False
     letter: bool = False
     draws: int = 1
-    size: tuple[float, str] | None = None
-
-
-FRICTIONS: dict[str, dict[str, object]] = {
-    "Stribeck, 2 to 4 mN m": {"coulomb": 2e-3, "static": 4e-3, "stribeck_speed": 0.3},
-    "quadratic, 0.4 mN m s²": {"viscous": 2e-4, "quadratic": 4e-4},
-    "viscous, ± 50 % by direction": {"viscous": None, "viscous_positive": 1.716e-3, "viscous_negative": 0.572e-3},
-    "LuGre, 3 mN m, bristles of 1 mrad": {
-        "coulomb": 3e-3,
-        "lugre": {"bristle_stiffness": 3.0, "bristle_damping": 0.01},
-    },
-    "viscous, 8 times as much": {"viscous": 9.152e-3},
-}
-"""Friction of the twin that is not the paper's, by its words."""
-
-PROCESSING: dict[str, dict[str, Any]] = {
-    "mirror about the reference's turning points": {"mirror": True},
-    "the same, (6) letter by letter (one potential energy for both passes)": {"mirror": True, "letter": True},
-    "mirror about the reference's, 8 times the viscous friction": {"mirror": True, "friction": {"viscous": 9.152e-3}},
-    "speeds by the observers (23)": {"options": {"velocities": "observers", "filter_time": 0.0}, "draws": DRAWS},
-    "and the voltage through W_f": {"options": {"velocities": "observers"}, "draws": DRAWS},
-    "work by the trapezoid on samples": {"options": {"work": "trapezoid"}},
-}
-"""Other ways to compute (6), by their words."""
+    size: Sequence[float | str] | None = None
 
 
 def imperfections() -> list[Imperfection]:
-    """The rows of the table."""
+    """The rows of the table: constants stated too large and too small, then what the file of cases has."""
+    cases = published.stated_in("cases")
     rows = [Imperfection("nothing", "none")]
-    for key, letter in MOTOR.items():
-        rows += _stated(letter, f"drive.motor.{key}", 5)
-    rows += _stated("gear i⁻¹", "drive.motor.gear_ratio", 1)
-    rows += _stated("wheel J2", "drive.wheel.inertia", 1) + _stated("b", "axis.gravity_torque", 1)
-    for size in ("0.1", "0.8"):
-        words = f"encoders nonlinear by {size}° once per turn"
-        rows.append(Imperfection(words, "sensors", sensors={"nonlinearity": f"{size} deg"}, draws=DRAWS))
-    late: tuple[tuple[str, dict[str, object]], ...] = (
-        ("both encoders", {"latency": 1e-3}),
-        ("wheel's encoder", {"wheel": {"latency": 1e-3}}),
-    )
-    rows += [
-        Imperfection(f"{which} 1 ms late, not declared", "sensors", sensors=sensors, size=(1.0, "ms"))
-        for which, sensors in late
-    ]
-    rows += [Imperfection(f"friction: {words}", "friction", friction=law) for words, law in FRICTIONS.items()]
-    return rows + [Imperfection(words, "processing", **changes) for words, changes in PROCESSING.items()]
-
-
-def _stated(words: str, key: str, per_cent: float) -> list[Imperfection]:
-    """A constant that the rig file states too large and too small."""
-    size = (per_cent, "%")
-    return [
-        Imperfection(f"{words} stated {sign} {per_cent:g} %", "constants", stated={key: factor}, size=size)
-        for sign, factor in (("+", 1 + per_cent / 100), ("−", 1 - per_cent / 100))
-    ]
+    for letter, (key, per_cent) in cases["stated"].items():
+        for sign, share in (("+", per_cent / 100), ("−", -per_cent / 100)):
+            words, stated = f"{letter} stated {sign} {per_cent} %", {key: 1 + share}
+            rows.append(Imperfection(words, "constants", stated, size=(per_cent, "%")))
+    return rows + [Imperfection(words, **row) for words, row in cases["imperfection"].items()]
 
 
 def imperfection_rows(seed: int, progress: Callable[[str], None]) -> list[Answer]:
@@ -130,20 +72,15 @@ def _row(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int],
         pair = [_log(case, imperfection, seed + draw, logs) for case in ("plain", "body")]
         for estimator in ways:
             by_estimator[estimator].append(_errors(estimator, pair, imperfection))
-    row: Answer = {"words": imperfection.words, "group": imperfection.group, "draws": imperfection.draws}
-    row["size"] = None if imperfection.size is None else list(imperfection.size)
+    row: Answer = {name: getattr(imperfection, name) for name in ("words", "group", "draws", "size")}
     for estimator, errors in by_estimator.items():
         j1, j_e = np.array(errors).T
         row[estimator] = {"j1": _one(j1), "j_e": _one(j_e)}
     if imperfection.draws > 1 and imperfection.group == "sensors":
-        row["single"] = _single(imperfection, seed, logs)
+        # of J1^ by (6) from one interval alone: root mean square over all intervals of all draws
+        drawn = [_log("plain", imperfection, seed + draw, logs) for draw in range(imperfection.draws)]
+        row["single"] = _rms(np.concatenate([runs.interval_errors(log)[1] for log in drawn]))
     return row
-
-
-def _single(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int], Log]) -> float:
-    """Error (per cent) of J1^ by (6) from one interval alone: root mean square over all intervals of all draws."""
-    drawn = [_log("plain", imperfection, seed + draw, logs) for draw in range(imperfection.draws)]
-    return _rms(np.concatenate([runs.interval_errors(log)[1] for log in drawn]))
 
 
 def _one(errors: np.ndarray) -> float | None:
@@ -182,4 +119,4 @@ def _errors(estimator: str, pair: list[Log], imperfection: Imperfection) -> tupl
         # the last value of a least-squares search that did not converge has no meaning
         lost = isinstance(result, str) or any(message.code == "not-converged" for message in result.warnings)
         values.append(math.nan if isinstance(result, str) or lost else result.inertia.value)
-    return pair[0].error(values[0]), 100 * ((values[1] - values[0]) / J_E - 1)
+    return pair[0].error(values[0]), 100 * ((values[1] - values[0]) / published.J_E - 1)

@@ -1,4 +1,4 @@
-"""What the paper prints: the numbers of section 5 beside which a reproduction stands, and the places that are unclear.
+"""What the paper prints: the numbers of section 5 beside which a reproduction stands; and what TOML files here state.
 
 `J_E_PRINTED` of NLS, 118.4, is a misprint: 381.0 - 272.6 = 108.4, which is the 12 % of the text. 405.1 and 381.0 are
 printed as a11', but 405.1 - 302.2 = 102.9 takes them for J1 + J_e (see docs/paper.md).
@@ -7,6 +7,7 @@ printed as a11', but 405.1 - 302.2 = 102.9 takes them for J1 + J_e (see docs/pap
 from __future__ import annotations
 
 import tomllib
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -47,7 +48,7 @@ AMPLITUDE, FREQUENCIES = 0.8, {"plain": 8.5, "body": 6.0, "balanced": 2.0}
 """Program motions y_m1, y_m2, y_m3: 0.8 rad, and rad/s."""
 
 
-def unclear() -> list[dict[str, Any]]:
-    """The places that are unclear: where, what is printed, what is done here, the tests (file::name) that show why."""
-    text = (files("swingid.study.reproduce") / "unclear.toml").read_text(encoding="utf-8")
-    return list(tomllib.loads(text)["place"])
+@cache
+def stated_in(name: str) -> dict[str, Any]:
+    """The tables of a TOML file beside this one: its words and its cases."""
+    return tomllib.loads((files("swingid.study.reproduce") / f"{name}.toml").read_text(encoding="utf-8"))

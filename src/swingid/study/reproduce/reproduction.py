@@ -9,7 +9,8 @@ from typing import Any
 
 from swingid.errors import UsageError
 from swingid.result.data import plain
-from swingid.study.reproduce import claims, claims_control, published
+from swingid.study.reproduce import published
+from swingid.study.reproduce.claims import TESTS, claim_rows
 from swingid.study.reproduce.experiment import (
     FRICTIONS,
     SIMULATION_STEPS,
@@ -19,9 +20,11 @@ from swingid.study.reproduce.experiment import (
     simulation,
 )
 from swingid.study.reproduce.imperfections import imperfection_rows, imperfections
-from swingid.study.reproduce.runs import WAYS, Answer
+from swingid.study.reproduce.runs import WAYS
 
 SCHEMA = "swingid.reproduce/1"
+
+PUBLISHED = ("J1", "A11_BODY", "J_E_PRINTED", "J_E", "J_E_ERROR", "F1", "SIMULATION_ERROR", "TIMES", "BACKSTEPPING")
 
 DIGITS = 6
 """Significant digits of the numbers in `results`, so that they do not depend on the last bits."""
@@ -57,7 +60,7 @@ def reproduce(*, seed: int = 0, quick: bool = False, progress: Callable[[str], N
     results: dict[str, object] = {
         "schema": SCHEMA,
         "seed": seed,
-        "paper": _published(),
+        "paper": {name.lower(): getattr(published, name) for name in PUBLISHED},
         "experiment": [run.answers for run in runs.values()],
         "simulation": ideal.answers,
     }
@@ -70,12 +73,7 @@ def reproduce(*, seed: int = 0, quick: bool = False, progress: Callable[[str], N
 def steps(*, quick: bool = False) -> int:
     """How often `reproduce` calls `progress`."""
     always = len(FRICTIONS) * len(WAYS) + SIMULATION_STEPS
-    return always + (0 if quick else len(imperfections()) + len(claims.TESTS) + len(claims_control.TESTS))
-
-
-def _published() -> dict[str, object]:
-    names = ("J1", "A11_BODY", "J_E_PRINTED", "J_E", "J_E_ERROR", "F1", "SIMULATION_ERROR", "TIMES", "BACKSTEPPING")
-    return {name.lower(): getattr(published, name) for name in names}
+    return always + (0 if quick else len(imperfections()) + len(TESTS))
 
 
 def plain_data(value: Any) -> Any:
@@ -86,12 +84,3 @@ def plain_data(value: Any) -> Any:
     if isinstance(value, list):
         return [plain_data(item) for item in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
-
-
-def claim_rows(seed: int, progress: Callable[[str], None]) -> list[Answer]:
-    """All claims, each with its test."""
-    rows = []
-    for test in (*claims.TESTS, *claims_control.TESTS):
-        progress(f"claim: {test.__name__.replace('_', ' ')}")
-        rows.append(test(seed).to_dict())
-    return rows

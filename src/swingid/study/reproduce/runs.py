@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TypeVar
 
@@ -36,6 +36,7 @@ from swingid.preparation.scale import equation_of
 from swingid.recording.recording import Recording
 from swingid.result.result import Result
 from swingid.simulation.twin import Run, simulate_run
+from swingid.study.changes import changed
 from swingid.study.experiment import through_file, without_truth
 from swingid.study.reproduce import published
 
@@ -87,8 +88,8 @@ def rig_of(case: str) -> Rig:
 
 
 def with_friction(rig: Rig, friction: Mapping[str, object]) -> Rig:
-    """The rig with these keys of axis.friction replaced."""
-    return rig.changed({f"axis.friction.{key}": value for key, value in friction.items()})
+    """The rig with these keys of axis.friction replaced, as `study.changes` reads them."""
+    return changed(rig, {f"axis.friction.{key}": value for key, value in friction.items()})
 
 
 def run_of(
@@ -144,27 +145,10 @@ class Way:
 
     words: str
     method: str
-    options: Mapping[str, object]
+    options: Mapping[str, object] = field(default_factory=dict)
 
 
-WAYS = {
-    "chain": Way(
-        "paper's method with its post-processing: observers (23) both ways, voltage through W_f",
-        "energy",
-        {"variant": "printed", "velocities": "observers"},
-    ),
-    "observers": Way(
-        "paper's method, observers (23) both ways, voltage as held",
-        "energy",
-        {"variant": "printed", "velocities": "observers", "filter_time": 0.0},
-    ),
-    "printed": Way("paper's method, (6) and (7) as printed", "energy", {"variant": "printed"}),
-    "better": Way("energy, solved for J1 and friction together", "energy", {}),
-    "momentum": Way("momentum", "momentum", {}),
-    "nls-viscous": Way("NLS, the paper's model: viscous friction", "output-error", {"law": "viscous"}),
-    "nls": Way("NLS, a careful lab's model: viscous + Coulomb", "output-error", {"law": "coulomb + viscous"}),
-    "backstepping": Way("backstepping (22) on the log", "backstepping", {}),
-}
+WAYS = {name: Way(**stated) for name, stated in published.stated_in("cases")["way"].items()}
 """By name, in the order of the tables."""
 
 

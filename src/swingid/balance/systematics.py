@@ -235,13 +235,13 @@ def _with_place(fit: WindowFit, signals: Signals, kinds: Mapping[str, Array]) ->
     }
     weights, *of_more = _weights_of([plain, *significant.values()], signals)
     grid = _grid_spread(signals, plain.noise, weights[0])
-    found = []
+    placed = []
     for (kind, more), other in zip(significant.items(), of_more, strict=True):
         # windows that are not the best for both fits do not make the difference of the variances that of the difference
         variance = max(abs(more.u**2 - plain.u**2), _white_variance(signals, plain.noise, other, weights))
         variance += grid**2 + _grid_spread(signals, plain.noise, other[0]) ** 2
-        found.append(PlaceFit(kind, more, plain, variance + _variance_declared(plain, more, count, passed)))
-    return found
+        placed.append(PlaceFit(kind, more, plain, variance + _variance_declared(plain, more, count, passed)))
+    return placed
 
 
 def _variance_declared(plain: WindowFit, more: WindowFit, count: int, passed: Sequence[RowError]) -> float:

@@ -277,7 +277,7 @@ def record(
     stream = open_columns(device)
     output.check_files({stream.path: "what is recorded"} if stream.path else {}, out=out)
     try:
-        recorded = read(stream, out, seconds=duration, idle=idle, names=names, rate=rate, cut=stream.path is None)
+        recorded = read(stream, out, seconds=duration, idle=idle, names=names, rate=rate, cut=not stream.path)
     finally:
         stream.close()
     bad = f", {recorded.bad} lines were no row" if recorded.bad else ""

@@ -16,8 +16,9 @@ from dataclasses import replace
 import numpy as np
 
 import swingid as sw
+from swingid.balance.covariance import column_noise, covariance_of
 from swingid.balance.errors import errors_of, sensitivities
-from swingid.balance.fits import WindowFit, column_noise, columns_of, covariance_of, fit_rows
+from swingid.balance.fits import WindowFit, columns_of, fit_rows
 from swingid.balance.friction_laws import parameters_of
 from swingid.balance.perturbations import propagated
 from swingid.balance.rows import rows_of
@@ -66,7 +67,7 @@ def compensated(check: MomentumCheck) -> Result:
     if plain is None:
         raise UnanswerableError("the log is too short for the unknowns; record a longer one.", code="too-short")
     fit = compensated_fit(plain)
-    common = {"place of the encoder's grid": grid_spread(suited, fit, "inertia"), CONFLICT: check.conflict}
+    common = {"place of the encoder's grid": grid_spread(fit, suited), CONFLICT: check.conflict}
     evaluated = _evaluated(fit, prepared, errors_of(fit.rows, suited, rig, fit.equation, fit.coefficients), common)
     evaluated, differs = check.compared(evaluated, "the power of the noise")
     checked = check.tested(check.alone(evaluated)) + differs + moved.checked

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from swingid.balance.covariance import column_noise, covariance_of
 from swingid.balance.errors import errors_of, sensitivities
-from swingid.balance.fits import WindowFit, column_noise, columns_of, covariance_of, fit_rows
+from swingid.balance.fits import WindowFit, columns_of, fit_rows
 from swingid.balance.friction_laws import parameters_of
 from swingid.balance.perturbations import propagated
 from swingid.balance.rows import Signals, Windows, rows_of
@@ -75,7 +76,7 @@ def instruments_on_windows(check: MomentumCheck, *, share: float = 0.5) -> Resul
         values,
         Scatter("scatter of the windows", combinations @ fit.covariance @ combinations.T, np.full(len(values), np.inf)),
         [
-            (systematic("place of the encoder's grid"), "inertia", grid_spread(signals, fit, "inertia")),
+            (systematic("place of the encoder's grid"), "inertia", grid_spread(fit, signals)),
             (systematic(CONFLICT), "inertia", check.conflict),
         ],
         propagated(errors, fit.fit.influence, combinations),

@@ -22,7 +22,7 @@ from closed_form_logs import (
     wheel_log,
 )
 from long_cases import quick_first
-from swingid.balance.fits import with_excess
+from swingid.balance.covariance import with_excess
 from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording

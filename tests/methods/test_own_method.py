@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import swingid as sw
-from swingid.balance.fits import column_noise, fit_rows
+from swingid.balance.covariance import column_noise
+from swingid.balance.fits import fit_rows
 from swingid.balance.rows import rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.level import chosen_at_level

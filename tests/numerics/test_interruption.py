@@ -228,7 +228,7 @@ def test_what_was_written_is_named(monkeypatch, tmp_path, capsys, log):
         raise KeyboardInterrupt
 
     report = tmp_path / "report.html"
-    monkeypatch.setattr("swingid.cli.identify.hand_over", stop)
+    monkeypatch.setattr("swingid.cli.output.hand_over", stop)
     assert main(["identify", str(log), "--rig", "paper", "--report", str(report), "--json", str(tmp_path / "r")]) == 130
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert last == f"swingid: interrupted; {report} is whole, nothing else was written; start again."

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.fits import LAG, columns_of, known_side
+from swingid.balance.covariance import LAG
+from swingid.balance.fits import columns_of, known_side
 from swingid.balance.friction_laws import (
     CURVE_KNOTS,
     TERMS,

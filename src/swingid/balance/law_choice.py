@@ -8,7 +8,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from swingid.balance.fits import LAG
+from swingid.balance.covariance import LAG
 from swingid.balance.friction_laws import (
     DIRECTIONS,
     EXACT,

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from swingid.balance.fits import LAG, WindowFit, column_noise, covariance_by
+from swingid.balance.covariance import LAG, column_noise
+from swingid.balance.fits import WindowFit, covariance_by
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import COMPARABLE
 from swingid.numerics.arrays import Array, Bools, median

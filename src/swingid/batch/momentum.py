@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from swingid.balance.fits import BASIS, LAG, covariance_of
+from swingid.balance.covariance import LAG, covariance_of
+from swingid.balance.fits import BASIS
 from swingid.balance.rows import Rows, Windows
 from swingid.batch import kernels
 from swingid.batch.plan import Batch, Plan, at_stamps, channels_of, require_batch

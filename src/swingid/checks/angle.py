@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.fits import LAG, WindowFit, columns_of, known_side, sensor_variance
+from swingid.balance.covariance import LAG, sensor_variance
+from swingid.balance.fits import WindowFit, columns_of, known_side
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import place_fits
 from swingid.checks.answer import CLEARLY

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from swingid.balance.choice import Choice, choose
+from swingid.balance.covariance import LAG, sensor_variance
 from swingid.balance.errors import errors_of, late_error
-from swingid.balance.fits import LAG, WindowFit, fit_with_prior, residuals_beside, sensor_variance
+from swingid.balance.fits import WindowFit, fit_with_prior, residuals_beside
 from swingid.balance.perturbations import RowError
 from swingid.balance.rows import Signals
 from swingid.checks.hypothesis import Evidence, Finding, Judged

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.fits import LAG, WindowFit
+from swingid.balance.covariance import LAG
+from swingid.balance.fits import WindowFit
 from swingid.balance.rows import Signals
 from swingid.checks.hypothesis import Evidence, Finding
 from swingid.format import percent, plus_minus

@@ -51,7 +51,10 @@ def _is_number(text: str) -> bool:
 
 
 class Lines:
-    """Rows of numbers, as text, out of bytes that come in any pieces. cut: whether the first line may lack its begin.
+    """Rows of numbers, as text, out of bytes that come in any pieces.
+
+    cut: whether the first line may lack its begin, so that its numbers may be wrong. A line of names is kept: a board
+    prints it as it starts.
 
     names: of the columns as printed, empty where nothing names them; bad: lines that were no row.
     """
@@ -70,10 +73,10 @@ class Lines:
         self._rest = self._rest[-LONGEST:]
         rows: list[list[str]] = []
         for line in ended:
-            if self._first:
-                self._first = False
+            text, first, self._first = line.decode("utf-8", "replace"), self._first, False
+            if first and all(map(_is_number, fields_of(text))):
                 continue
-            rows += self._line(line.decode("utf-8", "replace"))
+            rows += self._line(text)
         return rows
 
     def finish(self) -> list[list[str]]:

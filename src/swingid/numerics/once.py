@@ -16,11 +16,17 @@ def once(function: Callable[Concatenate[Of, P], Result]) -> Callable[Concatenate
 
     @wraps(function)
     def asked(of: Of, /, *further: P.args, **named: P.kwargs) -> Result:
-        results: dict[Any, tuple[Any, Result]] = vars(of).setdefault("_once", {})
+        results: dict[str, list[tuple[Any, Result]]] = vars(of).setdefault("_once", {})
+        kept = results.setdefault(function.__qualname__, [])
         arguments = (*further, *named.values())
-        key = function, *(argument if isinstance(argument, str | float) else id(argument) for argument in arguments)
-        if key not in results:
-            results[key] = arguments, function(of, *further, **named)  # their ids stay theirs as long as they are kept
-        return results[key][1]
+        for earlier, result in kept:
+            if len(earlier) == len(arguments) and all(map(_same, earlier, arguments)):
+                return result
+        kept.append((arguments, function(of, *further, **named)))
+        return kept[-1][1]
 
     return asked
+
+
+def _same(first: object, second: object) -> bool:
+    return first is second or (isinstance(first, str | float) and first == second)

@@ -11,7 +11,8 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from swingid.balance.fits import LAG, covariance_by
+from swingid.balance.covariance import LAG
+from swingid.balance.fits import covariance_by
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import COMPARABLE
 from swingid.calibration.encoders.logs import CalibrationLog, LogRows

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.choice import choose
+from swingid.balance.covariance import sensor_variance
 from swingid.balance.errors import errors_of, shaped_errors
-from swingid.balance.fits import WindowFit, fit_rows, sensor_variance
+from swingid.balance.fits import WindowFit, fit_rows
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.calibration.encoders.parts import ZERO, bounded, part_key

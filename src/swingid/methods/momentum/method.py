@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.choice import MEMORY
+from swingid.balance.covariance import LAG
 from swingid.balance.errors import errors_of, sensitivities
-from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, with_declared
+from swingid.balance.fits import BASIS, WindowFit, fit_rows, known_side, with_declared
 from swingid.balance.friction import FrictionLaw
 from swingid.balance.friction_laws import parameter_weights
 from swingid.balance.level import wandering, with_bias

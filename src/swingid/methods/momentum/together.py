@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from swingid.balance.covariance import LAG
 from swingid.balance.errors import sensitivities
-from swingid.balance.fits import LAG, WindowFit
+from swingid.balance.fits import WindowFit
 from swingid.balance.identifiability import HOPELESS, require_seen
 from swingid.balance.systematics import drift_with_length
 from swingid.balance.together import Run, Together, fit_together, friction_of, unit_of_friction

@@ -28,8 +28,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance import wheel_equation as at
+from swingid.balance.covariance import LAG
 from swingid.balance.errors import late_error, shaped_errors
-from swingid.balance.fits import LAG, WindowFit, fit_with_prior
+from swingid.balance.fits import WindowFit, fit_with_prior
 from swingid.balance.rows import Signals, Windows
 from swingid.balance.wheel_equation import WheelRows
 from swingid.model.rig import Rig

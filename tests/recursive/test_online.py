@@ -29,7 +29,7 @@ from swingid.numerics.regression import fit_linear
 from swingid.recording.recording import Recording
 from swingid.recursive import swing_estimates
 from swingid.recursive.rows import TOO_MANY_BAD, SwingBuffer
-from swingid.recursive.solution import Recursion, Reporter, Solution
+from swingid.recursive.solution import Recursion, Solution
 from swingid.recursive.stream import FIRST, Swings
 from twin_logs import given, logged, twin
 
@@ -92,7 +92,7 @@ class AtOnce(Recursion):
 
 
 def estimates_at_once(log, rig, method):
-    swings, reporter, kept, found = Swings(rig, method), Reporter(rig.axis.model_uncertainty), [], []
+    swings, model, kept, found = Swings(rig, method), rig.axis.model_uncertainty, [], []
     for block in swings.blocks([log]):
         kept.append(block)
         if len(kept) == FIRST:
@@ -101,7 +101,7 @@ def estimates_at_once(log, rig, method):
                 solver.add(early)
         if len(kept) >= FIRST:
             solver.add(block)
-            found.append(reporter.estimate(block, solver, swings.reader.skipped, swings.lost))
+            found.append(solver.estimate(block, model, swings.reader.skipped, swings.lost))
     return found
 
 

@@ -115,8 +115,8 @@ class File(PartFile):
             kinds = {number: summary.schemas.get(channel.schema_id) for number, channel in channels.items()}
             each = [(kinds[number], channels[number], data, log_time) for number, log_time, data in messages]
             rows = [cells for entry in each if (cells := mcap.cells_of(*entry, decode, self.path))]
-            found, none = columns_of(rows), np.full(len(rows), np.nan)
-            columns = {name: np.asarray(found.get(name, none), np.float64) for name in wanted}
+            decoded, none = columns_of(rows), np.full(len(rows), np.nan)
+            columns = {name: np.asarray(decoded.get(name, none), np.float64) for name in wanted}
         return Table({name: columns[column] for name, column in zip(names, wanted, strict=True)})
 
     def _topic_of(self, columns: list[str]) -> _Topic:
@@ -168,14 +168,14 @@ def _together(topic: _Topic, messages: list[_Message], wanted: list[str]) -> dic
         table = pj.read_json(content, read_options=pj.ReadOptions(use_threads=False))  # as `csv.read_rows`
         while any(pa.types.is_struct(column.type) for column in table.columns):
             table = table.flatten()
-        own = {"t", "time"} & set(table.column_names)  # where a message has a time, its time is that
-        read = {name: table.column(name) for name in {*own, *wanted} & topic.in_json}
+        times = {"t", "time"} & set(table.column_names)  # where a message has a time, its time is that
+        read = {name: table.column(name) for name in {*times, *wanted} & topic.in_json}
     except (pa.ArrowException, KeyError):  # no such column, or several
         return None
     kinds = [column.type for column in read.values()]
     plain = all(pa.types.is_floating(kind) or pa.types.is_integer(kind) for kind in kinds)
     whole = not any(column.null_count for column in read.values())
-    if not (plain and whole and table.num_rows == len(messages) and own == {"t", "time"} & topic.in_json):
+    if not (plain and whole and table.num_rows == len(messages) and times == {"t", "time"} & topic.in_json):
         return None
     columns = {name: numbers_of(column) for name, column in read.items()}
     return columns | {"time": columns.get("time", 1e-9 * np.array([log_time for _, log_time, _ in messages]))}

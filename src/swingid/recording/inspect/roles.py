@@ -333,9 +333,9 @@ class Roles:
 def guess_roles(columns: list[Column]) -> Roles:
     """The likely role of each column. Columns without numbers, and those of another length than most, have none."""
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are no motion, and no cause to print
-        found = _guess(columns)
-    taken = {role.column for role in found.found.values()}
-    return replace(found, others={name: what for name, what in found.others.items() if name not in taken})
+        roles = _guess(columns)
+    taken = {role.column for role in roles.found.values()}
+    return replace(roles, others={name: what for name, what in roles.others.items() if name not in taken})
 
 
 def _guess(columns: list[Column]) -> Roles:

@@ -59,8 +59,8 @@ def _file(path: str | Path) -> PartFile | None:
         mcap.MAGIC: mcap_parts.File,
         hdf5.MAGIC: hdf5.File,  # also behind the header of MATLAB v7.3
     }
-    found = [kind for magic, kind in kinds.items() if start.startswith(magic) or start[512:].startswith(magic)]
-    return (found or [csv.File])[0].open(str(path))
+    known = [kind for magic, kind in kinds.items() if start.startswith(magic) or start[512:].startswith(magic)]
+    return (known or [csv.File])[0].open(str(path))
 
 
 def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError, require_rig
 from swingid.methods.table import DEFAULT, Answers, Method, method_of
@@ -124,7 +123,7 @@ def identify_beside(
     options = {name: value for name, value in given.items() if value is not None}
     chosen, spans = method_of(method), parts_of(part)
     require_rig(rig)
-    if isinstance(log, str | Path):
+    if isinstance(log, str | bytes) or not isinstance(log, Recording | LargeLog | Iterable):
         raise no_log(log)
     identification = _Identification(rig, chosen, options, momentum)
     if spans:

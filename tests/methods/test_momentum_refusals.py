@@ -452,6 +452,8 @@ def test_what_is_no_log_or_no_rig_is_told():
     rig = Rig.builtin("paper")
     with pytest.raises(UsageError, check=coded("no-log", "'run.csv'")):
         identify("run.csv", rig)
+    with pytest.raises(UsageError, check=coded("no-log", "None")):
+        identify(None, rig)
     with pytest.raises(UsageError, check=coded("no-rig", "'paper'", "Rig")):
         identify([], "paper")
 

@@ -102,6 +102,8 @@ def test_result_names_the_repairs_and_a_saved_file_keeps_them(tmp_path):
 def test_unknown_repairs_are_refused_with_the_nearest():
     with pytest.raises(UsageError, check=coded("unknown-repair", "spikes")):
         Recording.load("nowhere.csv", RIG, repairs={"spike": False})
+    with pytest.raises(UsageError, check=coded("bad-repair", "'spikes' is 'no'")):
+        Recording.load("nowhere.csv", RIG, repairs={"spikes": "no"})
 
 
 # The clock

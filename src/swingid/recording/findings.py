@@ -98,12 +98,14 @@ REPAIRS: dict[str, str] = {
 
 
 def switched_off(switches: Mapping[str, bool] | None) -> frozenset[str]:
-    """The repairs that `switches` (name to on or off) turns off; UsageError for a name that is none."""
-    for name in switches or {}:
+    """The repairs that `switches` (name to True or False) turns off; UsageError for another name or value."""
+    for name, on in (switches or {}).items():
         if name not in REPAIRS:
             near = difflib.get_close_matches(name, REPAIRS, n=1)
             hint = f"the nearest is {near[0]}" if near else f"there are {', '.join(REPAIRS)}"
             raise UsageError(f"no repair is called {name!r}; {hint}.", code="unknown-repair")
+        if on not in (True, False):
+            raise UsageError(f"the repair {name!r} is {on!r}; give True or False.", code="bad-repair")
     return frozenset(name for name, on in (switches or {}).items() if not on)
 
 

@@ -20,6 +20,7 @@ from swingid.app.keep import command, five_lines, notebook
 from swingid.app.kinds import KINDS, drawing, kind_of_rig
 from swingid.app.look import safe_name
 from swingid.cli import main
+from swingid.result.codes import title
 
 SLOW = 40_000  # ms, with kernels that are compiled
 
@@ -190,6 +191,11 @@ def test_what_is_wrong_in_a_rig_file_is_mended_by_a_button(tmp_path):
         assert shown(page.locator(".swingid-large").inner_text()) == pytest.approx(INERTIA, rel=2e-3)
         page.locator("section[aria-label='What you know'] button").first.click()
         assert 'angle_unit = "deg"' in page.get_by_role("textbox", name="rig.toml").input_value()
+
+
+def test_a_warning_is_headed_by_the_meaning_of_its_code():
+    assert title("push-left") == "Somebody pushed the body, and the push cannot be cut out"
+    assert title("of-another-package") == "of-another-package"
 
 
 def test_a_warning_proposes_what_its_sentence_names():

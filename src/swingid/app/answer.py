@@ -20,6 +20,7 @@ from swingid.report.tables import swings_off
 from swingid.report.words import RIG as RIG_WORDS
 from swingid.report.words import parameter_word
 from swingid.result.brief import coverage, remedy, value_and_reach
+from swingid.result.codes import title
 from swingid.result.plot import BLUE, ORANGE
 from swingid.result.result import Parameter, Result, refusal
 from swingid.result.summary import share, sorted_budget
@@ -107,7 +108,7 @@ class Answer:
             number_of(result, linear=self.draft.linear)
             ui.label(status_of(result)).classes("text-lg swingid-text")
             for warning in result.warnings:
-                self._card(warning.code.replace("-", " ").capitalize(), warning.message, warning.code)
+                self._card(title(warning.code), warning.message, warning.code)
             swings_picture(result)
             shares(result)
             rest(result, linear=self.draft.linear)

@@ -186,3 +186,8 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
 def meaning(code: str) -> str | None:
     """What the code of a warning or a note means; None where there is no such code."""
     return next((codes[code] for codes in MEANINGS.values() if code in codes), None)
+
+
+def title(code: str) -> str:
+    """What the code of a warning is about: the first sentence of its meaning, without a full stop."""
+    return (meaning(code) or code).partition(". ")[0].removesuffix(".")

@@ -19,7 +19,7 @@ import numpy as np
 import swingid as sw
 from swingid.errors import SwingidError
 from swingid.study.campaign import load_plan
-from swingid.study.campaign.trial import Known, experiment_at, head_of
+from swingid.study.campaign.trial import experiment_at, head_of
 from swingid.study.faults import FAULTS, parse_fault, with_faults
 from trust import PAGE, markdown
 
@@ -43,7 +43,7 @@ def answers(runs: int, faults: Sequence[str]) -> Iterator[dict[str, Any]]:
             fault = fault.replace("running in", "warming")
         row = {"fault": fault, "motion": head.place["motion"]}
         try:
-            experiment = with_faults(experiment_at(Known(plan), head.place["point"]), [parse_fault(fault)])
+            experiment = with_faults(experiment_at(plan, head.place["point"]), [parse_fault(fault)])
             log = experiment.log(head.place["seed"])
             result = sw.identify(experiment.read(log), experiment.stated)
         except SwingidError as error:

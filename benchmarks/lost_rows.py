@@ -24,7 +24,7 @@ from swingid.errors import SwingidError
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.recording.recording import CHANNELS, Recording
 from swingid.study.campaign import load_plan
-from swingid.study.campaign.trial import Known, experiment_at
+from swingid.study.campaign.trial import experiment_at
 from swingid.study.experiment import Experiment
 from swingid.study.faults.experiment import with_faults
 from swingid.study.faults.registry import parse_fault
@@ -43,12 +43,11 @@ OTHERS = (
 def experiments() -> dict[str, Experiment]:
     """The experiment of each motion, of the plan `trust` without a fault, with constants stated exactly."""
     plan = load_plan("trust")
-    known = Known(plan)
     found: dict[str, Experiment] = {}
     for number, point in enumerate(plan.points):
         labels = point.labels
         if (labels["fault"], labels["constants"], labels["sensors"]) == ("none", 0.0, "14 bit"):
-            experiment = experiment_at(known, number)
+            experiment = experiment_at(plan, number)
             stated = experiment.stated
             if stated.drive.kind == "direct":
                 stated = stated.changed({"log.torque_gain": 1.0})

@@ -27,6 +27,15 @@ SMALL = {
 }
 
 
+def test_an_error_of_any_kind_is_the_answer_of_its_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    def garbled(*_: object) -> str:
+        raise UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte")
+
+    monkeypatch.setattr(ahead, "_asked", garbled)
+    (answer,) = ahead._compiled(SMALL["small"], lambda part, seconds: None, 1).values()
+    assert "invalid start byte" in answer
+
+
 def test_the_list_names_kernels_that_exist() -> None:
     for task in ahead.tasks():
         for kernel in ahead._listed()[task]:

@@ -22,6 +22,7 @@ from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, SwingidError
 from swingid.result.file import load_result
+from swingid.units import Quantity
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "balanced_pendulum.py"
 TARE, BODY = sw.Rig.builtin("paper"), sw.Rig.builtin("paper-body")
@@ -224,6 +225,17 @@ def test_wrong_files_are_named_in_one_sentence(tmp_path: Path, content: bytes | 
     assert caught.value.code == code
     assert str(path) in caught.value.message
     assert "\n" not in caught.value.message
+
+
+def test_what_is_no_number_of_the_provenance_is_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "r.json"
+    constants = {"g": {"value": 10**400}, "l": {"value": True}, "m": {"value": 2.0, "std": 10**400}}
+    notes = [{"code": "segment", "message": "Used from 1 s.", "kind": 3}]
+    path.write_bytes(changed(provenance={"constants": constants, "constants_found": {"g": 10**400}}, notes=notes))
+    read = load_result(path)
+    assert read.origin.constants == {"m": Quantity(2.0, None)}
+    assert read.origin.found == {}
+    assert read.notes[0].kind is None
 
 
 def test_a_folder_is_no_result(tmp_path: Path) -> None:

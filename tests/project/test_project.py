@@ -150,3 +150,33 @@ def test_a_circle_is_seen_through_functions_types_and_relative_imports(tmp_path:
     graph = imports_of(tmp_path)
     assert circles(graph) == [["p.a", "p.b", "p.q.c"]]
     assert set(graph["p.d"]) == {"p.a", "p.e", "p.q"}
+
+
+def test_scripts_import_names_that_exist() -> None:
+    missing = []
+    for path in [path for folder in ("benchmarks", "examples", "tools") for path in (ROOT / folder).rglob("*.py")]:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "swingid":
+                names = [name.name for name in node.names if not exists(node.module or "", name.name)]
+                missing += [f"{path.relative_to(ROOT)}: {node.module}.{name}" for name in names]
+    assert missing == []
+
+
+def exists(module: str, name: str) -> bool:
+    """Whether a module of the package binds a name, or the package holds a module of that name."""
+    place = ROOT / "src" / Path(*module.split("."))
+    if (place / f"{name}.py").exists() or (place / name).is_dir():
+        return True
+    file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+    if not file.exists():
+        return False
+    text = file.read_text(encoding="utf-8")
+    bound = {bound for _, bound in bound_names(ast.parse(text))}
+    imported = {
+        alias.asname or alias.name
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for alias in node.names
+    }
+    defined = {node.name for node in ast.parse(text).body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    return name in bound | imported | defined or f'"{name}"' in text

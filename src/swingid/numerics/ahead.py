@@ -105,16 +105,20 @@ def _compiled(kernels: list[Kernel], report: Report, count: int) -> dict[Kernel,
     def serve(process: subprocess.Popen[str] | None) -> None:
         """Have a process compile kernels one by one; where it dies, another one takes the next kernel."""
         while waiting:
-            with suppress(IndexError):  # another thread has taken the last one
+            try:
                 kernel = waiting.popleft()
-                try:
-                    if process is None:
-                        processes.append(process := _process())
-                    answer = _asked(process, kernel)
-                except OSError as error:
-                    answer = f"no process could be started ({error.strerror})"
-                process = None if answer == ENDED else process
-                given.put((kernel, answer))
+            except IndexError:  # another thread has taken the last one
+                return
+            try:
+                if process is None:
+                    processes.append(process := _process())
+                answer = _asked(process, kernel)
+            except OSError as error:
+                answer = f"no process could be started ({error.strerror})"
+            except Exception as error:  # whatever it is: the other thread waits for an answer
+                answer = f"{type(error).__name__}: {error}"
+            process = None if answer == ENDED else process
+            given.put((kernel, answer))
 
     for _ in range(count):
         with suppress(OSError):  # the first kernel has the reason

@@ -13,11 +13,13 @@ Result = TypeVar("Result")
 
 def once(function: Callable[Concatenate[Of, P], Result]) -> Callable[Concatenate[Of, P], Result]:
     """Keep each result with the first argument, for further ones that are equal (text, numbers) or the same objects."""
+    # by name and place: a copy of an object by pickle cannot hold the function itself
+    name = function.__module__, function.__qualname__, function.__code__.co_firstlineno
 
     @wraps(function)
     def asked(of: Of, /, *further: P.args, **named: P.kwargs) -> Result:
-        results: dict[str, list[tuple[Any, Result]]] = vars(of).setdefault("_once", {})
-        kept = results.setdefault(function.__qualname__, [])
+        results: dict[object, list[tuple[Any, Result]]] = vars(of).setdefault("_once", {})
+        kept = results.setdefault(name, [])
         arguments = (*further, *named.values())
         for earlier, result in kept:
             if len(earlier) == len(arguments) and all(map(_same, earlier, arguments)):

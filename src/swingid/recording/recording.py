@@ -67,7 +67,7 @@ class Recording:
     repairs_off : frozenset of str
         Repairs that are switched off, also those that a method would make (`findings.REPAIRS`).
     done : frozenset of str
-        Repairs that a method made, which it does not make again.
+        Repairs that a method made, which it does not make again; a file does not hold them.
 
     Raises
     ------

@@ -98,15 +98,21 @@ class _Entry(_Table):
     distribution: object = "normal"
 
 
+class _Message(_Table):
+    # without the kind, which no file holds
+    code: str
+    message: str
+
+
 class _File(_Table):
     method: str
     status: Literal["ok", "warning", "refused"]
     parameters: dict[str, _Parameter] = {}
-    warnings: tuple[Message, ...] = ()
-    notes: tuple[Message, ...] = ()
+    warnings: tuple[_Message, ...] = ()
+    notes: tuple[_Message, ...] = ()
     budget: tuple[_Entry, ...] = ()
     provenance: dict[str, object] = {}
-    error: Message | None = None
+    error: _Message | None = None
     sensitivities: dict[str, float] = {}
     correlation: dict[str, dict[str, float]] = {}
     ratios: bool = False
@@ -126,11 +132,11 @@ def _result(file: _File) -> Result:
             name: Parameter(p.value, p.standard_uncertainty, p.interval95, p.unit, p.degrees_of_freedom or math.inf)
             for name, p in file.parameters.items()
         },
-        warnings=file.warnings,
-        notes=file.notes,
+        warnings=tuple(map(_message, file.warnings)),
+        notes=tuple(map(_message, file.notes)),
         budget=tuple(map(_entry, file.budget)),
         provenance=file.provenance,
-        error=file.error,
+        error=None if file.error is None else _message(file.error),
         sensitivities=file.sensitivities,
         correlation=file.correlation,
         ratios=file.ratios,
@@ -142,3 +148,7 @@ def _entry(e: _Entry) -> BudgetEntry:
     freedom = e.degrees_of_freedom or math.inf
     origin = Source(e.source, e.type, e.shared_id, e.averages_over_logs, freedom, shape)
     return BudgetEntry(origin, e.parameter, e.standard_uncertainty, e.sensitivity)
+
+
+def _message(message: _Message) -> Message:
+    return Message(message.code, message.message)

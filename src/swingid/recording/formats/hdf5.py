@@ -67,7 +67,8 @@ def extract(
         for numbers in _numbers_in(file, path):
             if columns is None or set(numbers.names) & set(columns):
                 rows = numbers.read(start, numbers.length if stop is None else stop)
-                values |= zip(numbers.names, rows, strict=True)
+                named = zip(numbers.names, rows, strict=True)
+                values |= {name: row for name, row in named if columns is None or name in columns}
         return values, _metadata(file)
 
 

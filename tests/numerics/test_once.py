@@ -22,7 +22,7 @@ class Scaled:
 
 
 @once
-def difference(scaled: Scaled, name: str) -> str:
+def difference(scaled: Scaled, name: str = "left") -> str:
     CALLS.append(name)
     return f"{name} {scaled.factor}"
 
@@ -33,6 +33,7 @@ def test_a_result_is_kept_for_the_same_objects_and_for_equal_texts() -> None:
     assert scaled.sum_of(numbers) == scaled.sum_of(numbers) == 6.0
     assert scaled.sum_of([3.0]) == 6.0
     assert difference(scaled, "left") == difference(scaled, "".join(("le", "ft"))) == "left 2.0"
+    assert difference(scaled) == difference(scaled, name="left") == "left 2.0"
     assert difference(Scaled(3.0), "left") == "left 3.0"
     assert len(CALLS) == 4
 

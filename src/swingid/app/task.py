@@ -137,4 +137,4 @@ class View:
         if halt is Halt.AT_ONCE:
             self.ring.ask(StopMode.HARD, ASKED)
             time.sleep(PATIENCE)
-        os._exit(1)  # nobody waits for this
+        os._exit(1)  # the page that would read its end has gone

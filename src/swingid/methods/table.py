@@ -119,7 +119,7 @@ class Answers:
     def of(
         self, log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool = False
     ) -> MomentumCheck:
-        """Momentum's answer with these options; one with the default options is kept until another log is asked for."""
+        """Momentum's answer with these options; one with the default options is kept until the next log."""
         from swingid.checks.momentum import MomentumCheck
         from swingid.preparation.prepared import prepare
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
+from inspect import signature
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 Of = TypeVar("Of")
@@ -12,17 +13,21 @@ Result = TypeVar("Result")
 
 
 def once(function: Callable[Concatenate[Of, P], Result]) -> Callable[Concatenate[Of, P], Result]:
-    """Keep each result with the first argument, for further ones that are equal (text, numbers) or the same objects."""
+    """Keep each result with the first argument, for further ones that are equal (text, numbers) or the same objects.
+
+    An argument that is left out counts as its default, one by name as one by place.
+    """
     # by name and place: a copy of an object by pickle cannot hold the function itself
     name = function.__module__, function.__qualname__, function.__code__.co_firstlineno
+    defaults = [(key, parameter.default) for key, parameter in signature(function).parameters.items()][1:]
 
     @wraps(function)
     def asked(of: Of, /, *further: P.args, **named: P.kwargs) -> Result:
         results: dict[object, list[tuple[Any, Result]]] = vars(of).setdefault("_once", {})
         kept = results.setdefault(name, [])
-        arguments = (*further, *named.values())
+        arguments = (*further, *(named.get(key, default) for key, default in defaults[len(further) :]))
         for earlier, result in kept:
-            if len(earlier) == len(arguments) and all(map(_same, earlier, arguments)):
+            if all(map(_same, earlier, arguments)):
                 return result
         kept.append((arguments, function(of, *further, **named)))
         return kept[-1][1]

@@ -22,8 +22,9 @@ for package in ("cantools", "cobs", "fastcrc", "mcap"):
 SLOW = 120_000  # ms, with kernels that are compiled
 
 
-def click(page, name: str) -> None:
-    page.locator("section").get_by_role("button", name=name, exact=True).last.click(timeout=SLOW)
+def click(page, name: str, *, trial: bool = False) -> None:
+    """Press a button of a step once it is enabled; with trial, only wait until it is."""
+    page.locator("section").get_by_role("button", name=name, exact=True).last.click(timeout=SLOW, trial=trial)
 
 
 def go_to(page, name: str) -> None:
